@@ -73,16 +73,16 @@ class SeveralDesigns(Result, what="designs", dimension="design"):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class DesignCurve(SeveralDesigns, what="curve of designs"):
-    """The best designs as one number of their problem moves, as `Design.follow` returns it.
+    """The best designs as one number of their problem moves, as `Design.follow` returns them.
 
     parameter : what moves: "stroke <=" for the bound of a constraint, "k <=" for that of a parameter, or a parameter
     values : of the number, (m,)
     designs : certified, (m,)
-    slopes : the derivative of the objective by the number, (m,), from the multipliers: what one unit more of it gains
-        or costs
+    slopes : the derivative of the objective by the number, (m,), from the multipliers: what one more unit gains or
+        costs
     events : in order along the curve, each with the `value` of the number and its `text`: a constraint, bound or
         condition of a motion "enters" or "leaves" the active ones; or there is a "fold" or a "bifurcation"
-    end : why the curve ends before the last value; "" where it does not
+    end : why the curve ends before the last value; "" if it reaches it
     seconds : wall time
     """
 
@@ -100,8 +100,8 @@ class DesignCurve(SeveralDesigns, what="curve of designs"):
         return np.array([design.objective for design in self.designs])
 
     def multipliers(self) -> dict[str, np.ndarray]:
-        """The multipliers (m,) of all constraints, bounds and conditions that are active somewhere, 0 where they are
-        not, by their texts; that of the number that moves is in `slopes`."""
+        """The multipliers (m,), by text, of all constraints, bounds and conditions that are active somewhere; 0 where
+        they are not. The multiplier of the moving number is in `slopes`."""
         rows = [{each.text: each.multiplier or 0.0 for each in design.active} for design in self.designs]
         texts = {text for row in rows for text in row if not text.startswith(f"{self.parameter} ")}
         return {text: np.array([row.get(text, 0.0) for row in rows]) for text in sorted(texts)}
@@ -149,7 +149,7 @@ class DesignCurve(SeveralDesigns, what="curve of designs"):
 
     @classmethod
     def of_saved(cls, document: Any, machine: Machine | None = None) -> "DesignCurve":
-        """The curve from what `saved` returned, of a machine with any values of the parameters that were free; raises
+        """The curve from what `saved` returned, for a machine with any values of the designed parameters; raises
         `ValueError` where its parts contradict each other."""
         rows, name = document["designs"], document["parameter"]
         if not rows:
@@ -167,7 +167,7 @@ def followed(design: Design, what: str, to: float, points: int, progress: Progre
     points, began = whole_number("points", points, "designs", 2), time.perf_counter()
     if design.kkt is None or not design.over:
         found = "a search without derivatives" if design.kkt is None else "a file that does not state its problem"
-        raise InputError(f"the design is from {found}: its optimality conditions cannot be followed")
+        raise InputError(f"the design comes from {found}: its optimality conditions cannot be followed")
     with interrupts.deferred():
         least, most = (design.text, None) if design.verb == "minimise" else (None, design.text)
         machine, _ = design.motion

@@ -110,7 +110,7 @@ class DesignPoint:
 
 
 def no_motion(machine: Machine, orbit: Orbit) -> NoOrbit:
-    """The error of a machine's dimensionless orbit that is no motion."""
+    """The error of a machine's dimensionless orbit that is not a motion."""
     return NoOrbit(in_units(Message.joined("; ", orbit.violations), machine.units))
 
 
@@ -157,7 +157,7 @@ def design_points(
 
 
 def _placed(case: Case, own: Mapping[str, Place | None]) -> tuple[Case, tuple[Place, ...]]:
-    """The case with the demands that its orbit has, and the places that it needs, of the extremes before those that are
+    """The case with the demands that its orbit has, and the places that it needs, of the extremes before the extremes
     tied to them; raises `NoOrbit` where one is missing."""
     demands = tuple(name for name in case.outputs.demands if own[extremes_of(name)[0]])
     case = case._replace(outputs=replace(case.outputs, demands=demands))

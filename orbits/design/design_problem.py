@@ -100,7 +100,7 @@ class Outputs:
 
     formulas: tuple[Formula, ...]  # of quantities and parameters, the objective first
     over: tuple[str, ...]  # names of the parameters that vary
-    # Quantities that must be positive on a motion, beside the landing jerk, which must be negative.
+    # Quantities that must be positive on a motion, in addition to the landing jerk, which must be negative.
     demands: tuple[str, ...] = ()
 
     def quantities(self, model: Model, p: Mapping) -> list[str]:
@@ -125,12 +125,12 @@ def design_problem(
     verb, text = ("maximise", maximise) if minimise is None else ("minimise", minimise)
     known = formula_names(machine) if known is None else known
     if not isinstance(text, str):
-        raise InputError(f"{verb} = {text!r}; an objective is a formula, text such as 'loss_coefficient'")
+        raise InputError(f"{verb} = {text!r}; it must be a formula, text such as 'loss_coefficient'")
     formula = smooth_formula(text, known, "the objective", machine)
     if not formula.names:
-        raise InputError(f"the objective '{text}' says nothing of the orbit or the machine")
+        raise InputError(f"the objective '{text}' must contain a quantity of the orbit or a parameter of the machine")
     if isinstance(subject_to, str) or not isinstance(subject_to, Sequence):
-        raise InputError(f"subject_to = {subject_to!r}; it is a list of constraints such as 'stroke <= 0.25'")
+        raise InputError(f"subject_to = {subject_to!r}; it must be a list of constraints such as 'stroke <= 0.25'")
     low, high = _checked_bounds(machine, over)
     constraints = tuple(parse_constraint(text, known, machine) for text in subject_to)
     _check_conflicts(constraints)
@@ -138,7 +138,7 @@ def design_problem(
     if len(equations) > len(over):
         raise InputError(
             f"{len(equations)} equations for {len(over)} parameters to design, {', '.join(map(repr, equations))}: "
-            "leave out those that follow from others, or design more parameters"
+            "leave out equations that follow from others, or design more parameters"
         )
     return DesignProblem(text, formula, 1 if maximise is None else -1, tuple(over), low, high, constraints)
 
@@ -154,7 +154,7 @@ def names_along(machine: Machine) -> list[str]:
     quantities = quantity_names(machine.model, machine.values)
     parameters = free_parameters(machine)
     if ambiguous := [name for name in parameters if name in quantities]:
-        raise InputError(f"'{ambiguous[0]}' is a quantity of the orbit: call the formula's parameter something else")
+        raise InputError(f"'{ambiguous[0]}' is a quantity of the orbit: rename the formula's parameter")
     return quantities + parameters
 
 
@@ -172,8 +172,8 @@ def smooth_formula(text: str, known: Collection[str], what: str, machine: Machin
     formula = known_formula(text, known, what, machine)
     if formula.pieces:
         raise InputError(
-            f"{what} '{text}': {formula.pieces[0]} is a law in pieces and cannot be designed with: it has no second "
-            "derivatives everywhere; bound it from both sides by constraints instead, or take its square"
+            f"{what} '{text}': {formula.pieces[0]} cannot be used in a design, since it has no second derivatives "
+            "everywhere; bound it from both sides by constraints instead, or take its square"
         )
     return formula
 
@@ -181,12 +181,12 @@ def smooth_formula(text: str, known: Collection[str], what: str, machine: Machin
 def parse_constraint(text: str, known: Collection[str], machine: Machine) -> Constraint:
     """A constraint from a text with one or two relations: 'a <= 1', 'a == b', '0.1 <= a <= 0.2'."""
     if not isinstance(text, str):
-        raise InputError(f"a constraint is text such as 'stroke <= 0.25', not {text!r}")
+        raise InputError(f"a constraint must be text such as 'stroke <= 0.25', not {text!r}")
     sides, relations = [side.strip() for side in _RELATION.split(text)], _RELATION.findall(text)
     if _STRICT.search(text) or len(relations) not in (1, 2):
         form = "one of <=, >=, ==, or two <="
         if _STRICT.search(text):
-            form = f"a bound belongs to its range, which is written '{_STRICT.sub(lambda sign: sign[0] + '=', text)}'"
+            form = f"a range includes its bounds; write '{_STRICT.sub(lambda sign: sign[0] + '=', text)}'"
         raise InputError(f"the constraint '{text}' is not of the form 'stroke <= 0.25': {form}")
     formulas = [smooth_formula(side, known, f"in the constraint '{text}',", machine) for side in sides]
     numbers = [None if formula.names else float(formula()) for formula in formulas]
@@ -203,10 +203,10 @@ def _bounded(text, formulas, numbers, relations):
     relation, (left, *_, right) = relations[0], numbers
     if len(relations) == 2:
         if left is None or right is None or relations not in (["<=", "<="], [">=", ">="]):
-            raise InputError(f"the constraint '{text}' has two relations: it is of the form '0.1 <= stroke <= 0.25'")
+            raise InputError(f"the constraint '{text}' has two relations; write it as '0.1 <= stroke <= 0.25'")
         return (formulas[1], left, right) if relation == "<=" else (formulas[1], right, left)
     if left is not None and right is not None:
-        raise InputError(f"the constraint '{text}' says nothing of the orbit or the machine")
+        raise InputError(f"the constraint '{text}' must contain a quantity of the orbit or a parameter of the machine")
     if right is not None:
         formula, bound = formulas[0], right
     elif left is not None:
@@ -219,7 +219,7 @@ def _bounded(text, formulas, numbers, relations):
 def _checked_bounds(machine, over):
     """The lower and the upper bounds of the parameters."""
     if not isinstance(over, Mapping) or not over:
-        raise InputError("over names the parameters to design with their bounds: over={'beta': (0, 1)}")
+        raise InputError("over must name the parameters to design with their bounds, such as over={'beta': (0, 1)}")
     lows, highs = {}, {}
     refuse_others(machine, over, "to design", free_parameters(machine))
     for name, bounds in over.items():
@@ -228,7 +228,7 @@ def _checked_bounds(machine, over):
         if high - low <= NARROWEST * max(abs(low), abs(high)):
             raise InputError(f"{wrong}, {low!r} and {high!r}, leave no room: state {name} in the machine instead")
         if low > 0 and not np.isfinite(high / low):
-            raise InputError(f"{wrong}, {low!r} and {high!r}, span more decades than numbers have: narrow them")
+            raise InputError(f"{wrong}, {low!r} and {high!r}, span too many decades for double precision: narrow them")
         lows[name], highs[name] = low, high
     for values in (lows, highs):
         machine.with_values(**values)  # raises the machine's own error

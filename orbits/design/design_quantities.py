@@ -35,7 +35,7 @@ from ..periodic import (
 from ..shooting import half_orbit
 from ..units import APEX, OF_HEIGHTS, RISE
 
-# Quantities that depend on the time of the contact, which is no unknown of the simplest statements.
+# Quantities that depend on the time of the contact, which is not an unknown of the simplest statements.
 WITH_CONTACT = ("contact_time", "period", "frequency", "mean_speed", "duty_factor")
 # The extremes whose sum is a quantity, each with its sign; of a height one, with the name of its rise. To what
 # is left of friction the stated one is added, and the peak in weights is divided by the weight.
@@ -58,8 +58,8 @@ ABSENT = {
     "gap": "clearance: the gap has no lowest point inside the flight",
     "force": "smallest_contact_force: the force has no lowest value inside the contact",
     "slip": "friction_needed: the standing foot lifts, or the ground would have to pull",
-    "loss": "loss_coefficient: a law has a corner at lift-off, or a landing with a speed leaves nearly all of it, or"
-    " what is not stated",
+    "loss": "loss_coefficient: a law has a corner at lift-off, or a landing keeps nearly all of its speed, or the "
+    "machine does not state how much it keeps",
 }
 
 
@@ -132,7 +132,7 @@ def base_statement(model: Model) -> Statement:
     """The simplest statement of a model's orbits; raises `InputError` for a model whose motions are not their own
     mirror images."""
     if not model.reversor:
-        raise InputError("a design needs a machine whose motion is its own mirror image in time: leave out the damping")
+        raise InputError("a design needs a machine with a reversor: leave out the damping")
     refuse_forward(model)
     return _simplest(model)
 

@@ -96,11 +96,11 @@ class Designs(NamedTuple):
         each = np.arange(len(self.values))
         if {*self.names} <= self.base.values.keys():
             return _parameters_of(self.base, self, each)
-        # Names of which the model's parameters are functions.
+        # Names on which the model's parameters depend.
         return np.array([[*self.machine(i).values.values()] for i in each.tolist()])
 
     def refuse(self, i: int, error: Exception) -> None:
-        """Write why a design has no orbit; a defect that one design causes is no defect of the others."""
+        """Write why a design has no orbit; a defect of one design must not affect the others."""
         known = isinstance(error, OrbitsError)
         self.statuses[i] = "no orbit" if known and not isinstance(error, InputError) else "failed"
         self.reasons[i] = str(error) if known else f"{type(error).__name__}: {error}"
@@ -228,7 +228,7 @@ def _fill_in_continued(designs: Designs, found: Continued) -> None:
             try:
                 own = designs.machine(i)
             except InputError as error:
-                designs.statuses[i], designs.reasons[i] = "no orbit", f"the tuned values are none of a machine: {error}"
+                designs.statuses[i], designs.reasons[i] = "no orbit", f"no machine has the tuned values: {error}"
                 for column in designs.numbers.values():
                     column[i] = np.nan
                 continue

@@ -146,8 +146,8 @@ class Evaluator:
         """The results at some points by the parameters theta, and the derivatives (m, ..., k) of the points, along
         which the equations of an orbit hold; raises `FlowError` where a motion cannot be followed.
 
-        The rows are those that are `modelled`, the formulas, minus the landing jerk, the demands, and the differences
-        between two places of an extreme; and then the quantities in use.
+        The rows are the `modelled` ones: the formulas, minus the landing jerk, the demands, and the differences between
+        two places of an extreme; and then the quantities in use.
         """
         p, u, half, contact, slope, begins = self.orbit(points)
         times = Varied(points.times, np.zeros((*points.times.shape, len(self.over))))

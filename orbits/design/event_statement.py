@@ -174,8 +174,8 @@ def collapse_statement(model: Model, base: Statement, along: str, side: float) -
     contact = model.contact
     if len(contact.states) != 2 or not model.plain:
         raise InputError(
-            "a collapse is followed in contacts of one coordinate alone: with several, the last contact that ends "
-            "comes near to rest along a way that no equation of half an orbit states"
+            "a collapse can be followed only in contacts of one coordinate: with several, no equation of half an orbit "
+            "states how the last contact that ends comes near to rest"
         )
     weight = contact.pieces.coordinate[0] if contact.pieces else 0.0
 

@@ -1,4 +1,4 @@
-"""Corners of designs: extremes that two places of the motion have, so that either one may be the larger."""
+"""Corners of designs: an extreme occurs at two places of the motion, and either one may become the larger."""
 
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass
@@ -14,7 +14,7 @@ from .design_problem import DesignProblem, Outputs
 from .design_quantities import extremes_of
 from .extremes import Place, peaks_of
 
-# Places of the motion whose values differ by no more than this share of these may be the same beside a point.
+# Places of the motion whose values differ by no more than this share of these may be the same near a point.
 BESIDE_ANOTHER = 1e-2
 SAME_EXTREME = 1e-7  # share by which the values of two places differ at most where they are the same
 IMAGE_OF_PLACE = 1e-7  # share to which the derivatives at two places agree that are images of each other
@@ -63,7 +63,7 @@ class Corners:
         self, design: DesignPoint, before: DesignPoint | None = None, share: float = BESIDE_ANOTHER
     ) -> Corner | None:
         """The extreme whose value at another place is nearest to the largest one, at a design, within a share of it,
-        and that is no corner already; None where there is none. Its first place is that at the design `before`, if
+        and that is not a corner already; None where there is none. Its first place is that at the design `before`, if
         stated."""
         found = list[tuple[float, Corner]]()
         extremes = design.outputs.extremes(design.machine.model, design.machine.values)
@@ -109,7 +109,7 @@ class Corners:
         return ""
 
     def _is_corner(self, design: DesignPoint, corner: Corner) -> bool:
-        """Whether the derivatives at two places of an extreme differ, so that these are no images of each other."""
+        """Whether the derivatives at two places of an extreme differ, so that these are not images of each other."""
         (point,) = design_points([self.case((design.machine, design.orbit), [corner])])
         if isinstance(point, OrbitsError):
             return False
@@ -124,7 +124,7 @@ def quantity_with(design: DesignPoint, extremes: Collection[str]) -> str:
 
 
 def jumping(design: DesignPoint, beside: Sequence[DesignPoint]) -> str:
-    """The first quantity whose extreme is at another place in designs right beside one; "" for none."""
+    """The first quantity whose extreme is at another place in designs right next to one; "" for none."""
     kinds = {place.kind.extreme: place.kind for place in design.places}
     changed = {p.kind.extreme for each in beside for p in each.places if p.kind != kinds.get(p.kind.extreme)}
     return quantity_with(design, changed)

@@ -136,8 +136,8 @@ class _Sampled:
         return np.pad(rises & ~np.pad(rises[:, 1:], ((0, 0), (0, 1))), ((0, 0), (1, 0))) & ~self.goes_on
 
     def places(self, which: Array, place: Array) -> tuple[list[Place], Array]:
-        """The places at which the function on motions (k,) is stationary beside samples (k,), unless these are the
-        first or in the middle where it is stationary; and its values there."""
+        """The places at which the function on motions (k,) is stationary near samples (k,), unless these are the first
+        or in the middle where it is stationary; and its values there."""
         middle = (place >= self.counts[which] - 1) & self.still[which]
         where, times = np.where(middle, "middle", np.where(place > 0, "inside", "start")), np.zeros(len(place))
         inside, values = (where == "inside").nonzero()[0], self.values[which, place]

@@ -34,7 +34,7 @@ PENALISED = (Weights(1.0, 10.0), Weights(1e-3, 1.0), Weights(0.0, 1.0))
 class LocalOptions(NamedTuple):
     """Steps of local searches for designs, and where they end."""
 
-    # The constraints are met, or nearly, if the sum of their violations, as shares of their sizes, is no larger.
+    # The constraints are met, or nearly, if the sum of their violations, as shares of their sizes, is at most this.
     met: float = 1e-8
     nearly_met: float = 1e-3
     rounds: int = 250  # steps from one start, at most
@@ -236,7 +236,7 @@ def _of_each(function: Callable[..., list], items: Sequence, problem: DesignProb
 def _case(
     motion: tuple[Machine, Orbit], problem: DesignProblem, known: Sequence[str] = (), ties: Ties | None = None
 ) -> Case:
-    """The objective, the constraints and the demands at an orbit: those known, and those that it adds."""
+    """The objective, the constraints and the demands at an orbit: the known demands, and the ones that it adds."""
     machine, orbit = motion
     outputs = Outputs(problem.formulas, problem.names, demands_of(machine, orbit, known))
     return Case(machine, orbit, outputs, ties or {})
@@ -254,7 +254,7 @@ def _ends(steps: Sequence[tuple[LocalSearch, DesignStep]], problem: DesignProble
         u, expected = (step.u if near is None else unknowns_of(*near))[:own], step.u[:own]
         least = NEWTON.smallest_unit if step.machine.model.one_speed else 0.1 * np.abs(u).max()
         if near is None or np.max(np.abs(u - expected) / np.maximum(np.abs(u), least)) > SEARCH.correction:
-            found[i] = NoOrbit("no orbit of the family is found near that of the models")
+            found[i] = NoOrbit("no orbit of the family is found near the one that the models predict")
         else:
             cases[i] = _case(near, problem, search.point.demands, search.ties)
     for i, point in zip(cases, design_points(list(cases.values()), problem), strict=True):
@@ -307,7 +307,7 @@ def _next(search: LocalSearch, step: DesignStep, end: DesignPoint | OrbitsError)
         return _refused(search, str(end), step.share, str(end) == step.machine.model.violations["end"])
     if not (np.isfinite(end.values).all() and np.isfinite(end.slopes).all()):
         texts = " or ".join(repr(formula.text) for formula in end.outputs.formulas)
-        remedy = "keep the parameters, by their bounds, where it has; else state the machine in units nearer to 1"
+        remedy = "choose bounds within which it has; else choose units that make the machine's numbers nearer to 1"
         return _refused(search, f"{texts} has no finite value or slope on the way: {remedy}", step.share)
     results = search.results(end)
     missed = (results[2 + len(search.sizes) :] < DEMAND_MARGIN).any()
@@ -353,9 +353,9 @@ def _refused(search: LocalSearch, reason: str, share: float = 1.0, collapsed: bo
     machine = search.point.machine
     if collapsed:
         where, collapse = search.problem.where(machine), machine.model.violations["end"]
-        raise Unbounded(f"the design runs into a collapse just beyond {where}: {collapse}")
+        raise Unbounded(f"the design ends at a collapse just beyond {where}: {collapse}")
     _check_escape(search, machine, search.point.orbit, SEARCH.loss)
-    raise NoOrbit(f"the design cannot be carried on from {search.problem.where(machine)}: {reason}")
+    raise NoOrbit(f"the design cannot be continued from {search.problem.where(machine)}: {reason}")
 
 
 def _check_escape(search: LocalSearch, machine: Machine, orbit: Orbit, ratio: float) -> None:
@@ -365,16 +365,16 @@ def _check_escape(search: LocalSearch, machine: Machine, orbit: Orbit, ratio: fl
         value = getattr(orbit, name)
         change = value / getattr(search.first, name)
         if not 1 / ratio < change < ratio:
-            end, relation = ("escapes", "<=") if change > 1 else ("shrinks to nothing", ">=")
+            end, relation = ("escapes", "<=") if change > 1 else ("shrinks to zero", ">=")
             raise Unbounded(
                 f"the objective has no {'least' if problem.sign > 0 else 'largest'} value: '{problem.text}' gets "
-                f"better as the orbit {end}, {name} = {value:.4g} at {problem.where(machine)} and still going; bound "
-                f"it, as subject_to=['{name} {relation} ...']"
+                f"better as the orbit {end}, {name} = {value:.4g} at {problem.where(machine)} and still changing; "
+                f"bound it, for example subject_to=['{name} {relation} ...']"
             )
 
 
 def _resting(problem: DesignProblem, before: DesignPoint, after: DesignPoint) -> bool:
-    """Whether the parameters hardly change any more, beside the orbit, while they lie inside their bounds."""
+    """Whether the parameters hardly change any more, compared with the orbit, while they lie inside their bounds."""
     old, new = before.theta, after.theta
     ahead = np.where(new < old, new - problem.low, problem.high - new)
     ratios = [getattr(after.orbit, name) / getattr(before.orbit, name) for name in ("alpha", "contact_time")]
@@ -392,7 +392,7 @@ def _infeasible(search: LocalSearch) -> Infeasible:
     bounds = ", ".join(f"{low:g} <= {name} <= {high:g}" for low, name, high in ranges)
     error = Infeasible(
         f"no motion was found with {bounds} that meets the constraints: at best {' and '.join(missed)}, with "
-        f"{problem.where(search.point.machine)}; relax it, or widen the bounds"
+        f"{problem.where(search.point.machine)}; relax them, or widen the bounds"
     )
     error.size = float(violations.sum())
     return error

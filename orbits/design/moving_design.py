@@ -27,7 +27,7 @@ from .tuned_machine import motions_near, unknowns_of
 
 # The ends of curves in words.
 ENDS_OF_DESIGNS = {
-    "fold": "the optimum meets a saddle, and there is none near it beyond",
+    "fold": "the optimum meets a saddle, and beyond it there is no optimum nearby",
     "bifurcation": "the optimum becomes a saddle",
     "infeasible": "the constraints exclude each other beyond",
     "degenerate": "the active constraints depend on each other, or the optimum is not a strict one",
@@ -130,7 +130,7 @@ class MovingDesign:
         where = f"{self.moving.label} {self.value(last.value):.6g}"
         z, own = np.append(last.x, last.value), self.nearest(last.x, last.value).design
         if jumps := jumping(own, [each.design for each in self.known if np.abs(each.z - z).max() <= BESIDE_AN_END]):
-            text = f"beyond {where} the {jumps} is at another place of the motion, and no design near these is best"
+            text = f"beyond {where} the {jumps} moves to another place of the motion, and no nearby design is optimal"
             return End("jump", text)
         if self.reason and end.kind == "stuck":
             return End("stuck", f"beyond {where}: {self.reason}")
@@ -142,13 +142,13 @@ class MovingDesign:
         """The end at a corner where the designs at both sides are better than that at it."""
         where, design = f"{self.moving.label} {self.value(point.value):.6g}", self.nearest(point.x, point.value).design
         name = quantity_with(design, [self.corners.known[number].extreme])
-        text = f"at {where} the {name} is at two places of the motion, and designs at both sides are better: a jump"
+        text = f"at {where} the {name} is at two places of the motion, and designs on both sides are better: a jump"
         return End("jump", text)
 
     def excluded(self, s: float) -> End:
         """The end at a share of the way beyond which the active constraints cannot be met."""
         where = f"{self.moving.label} {self.value(s):.6g}"
-        text = f"beyond {where} the constraints exclude each other: no design near these meets all of them"
+        text = f"beyond {where} the constraints exclude each other: no nearby design meets all of them"
         return End("infeasible", text)
 
     def start(self) -> Array:
@@ -310,7 +310,7 @@ class MovingDesign:
         these = {i: motion for i, motion in zip(machines, motions, strict=True) if motion}
         points = self._points([zs[i] for i in these], [*these.values()], [nearest[i] for i in these])
         found |= zip(these, points, strict=True)
-        lost = NoOrbit("no orbit of the family is found near that of the design before")
+        lost = NoOrbit("no orbit of the family is found near that of the previous design")
         return [found.get(i, lost) for i in range(len(zs))]
 
     def _points(

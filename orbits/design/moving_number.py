@@ -104,7 +104,7 @@ def moving_number(problem: DesignProblem, machine: Machine, what: str, end: floa
                 raise InputError(f"'{what}' has two bounds: state it as two constraints, one for each, and follow one")
             sides, bound = (bool(finite[0]), bool(finite[1])), each.low if finite[0] else each.high
             if abs(end - bound) > LONGEST_WAY:
-                raise InputError(f"to = {end:g}; the bound of a constraint is followed by at most {LONGEST_WAY:g}")
+                raise InputError(f"to = {end:g}; the bound of a constraint can be moved by at most {LONGEST_WAY:g}")
             return Moving(each.text, bound, end, constraint=i, sides=sides)
     for i, (name, low, high) in enumerate(zip(problem.names, problem.low, problem.high, strict=True)):
         for bound, relation, sides in ((low, ">=", (True, False)), (high, "<=", (False, True))):
@@ -112,11 +112,11 @@ def moving_number(problem: DesignProblem, machine: Machine, what: str, end: floa
                 if not (end < high if sides[0] else end > low):
                     raise InputError(f"'{what}' to {end:g} leaves no room between the bounds {low:g} and {high:g}")
                 if abs(end - bound) > LONGEST_WAY * (high - low):
-                    raise InputError(f"to = {end:g}; a bound is followed by at most {LONGEST_WAY:g} times its range")
+                    raise InputError(f"to = {end:g}; a bound can be moved by at most {LONGEST_WAY:g} times its range")
                 return Moving(f"{name} {relation} {bound:g}", bound, end, parameter=i, sides=sides)
         if what == name:
             both = f"'{name} >= {low:g}' or '{name} <= {high:g}'"
-            raise InputError(f"'{name}' is designed itself: follow one of its bounds, {both}, or another parameter")
+            raise InputError(f"'{name}' is a design parameter: follow one of its bounds, {both}, or another parameter")
     if what in tuned_numbers(machine):
         raise InputError(f"'{what}' is tuned: follow a prescribed quantity, or another parameter")
     if what in (names := free_parameters(machine)):

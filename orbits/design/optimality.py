@@ -151,21 +151,21 @@ class Design(Result, what="design"):
     parameters : their values, and those of tuned parameters
     verb, text, objective : "minimise" or "maximise", the formula of the objective, and its value
     quantities : values of the quantities that the problem names
-    active : active constraints, bounds and conditions of a motion
-    idle : parameters on which neither objective nor constraints depend; they have the values of the start
+    active : the active constraints, bounds and conditions of a motion
+    idle : parameters that affect neither the objective nor the constraints; they keep their values at the start
     kkt : largest violation of the optimality conditions: the gradient of the Lagrangian as a share of the objective
         over each parameter's range, by the implicit function theorem, and the constraints' violations; None in files
         of searches without derivatives
-    starts : all that were tried
+    starts : all starts that were tried
     seconds : wall time
     pair : both objectives, for a design on a Pareto front; None otherwise
-    share : of the designs of a global search that led to this optimum; None for any other search
+    share : the share of the designs of a global search that led to this optimum; None for any other search
     over, subject_to : the bounds of the parameters by name, and the constraints
-    tune, at : the names of the parameters that are tuned for each design, and the values of the quantities that are
-        prescribed; empty where none are
+    tune, at : the names of the parameters that are tuned for each design, and the values of the prescribed quantities;
+        empty if there are none
 
-    The objective, the quantities and the optimality conditions are those at the end of the search. The orbit is found
-    once more from there and differs by rounding.
+    The objective, the quantities and the optimality conditions are computed at the end of the search. The orbit is then
+    found once more and differs by rounding.
     """
 
     source: Machine
@@ -249,18 +249,18 @@ class Design(Result, what="design"):
         return {**self.document(), "pair": self.pair, "share": self.share, **problem, "orbit": self.orbit.saved()}
 
     def follow(self, what: str, to: float, *, points: int = 20, progress: Progress = None) -> "DesignCurve":
-        """The best designs as one number of the problem moves, from its value here to another one: a `DesignCurve`.
+        """Follow the best design as one number of the problem moves to another value; returns a `DesignCurve`.
 
-        what : a constraint, as stated in `subject_to`; a bound of a designed parameter, as "k <= 5000"; or the name of
-            another parameter of the machine, or of a prescribed quantity
+        what : a constraint, as stated in `subject_to`; a bound of a designed parameter, such as "k <= 5000"; or the
+            name of another parameter of the machine, or of a prescribed quantity
         to : the last value of the number
-        points : number of designs, at values that are evenly spaced, or by their logarithm for a parameter over
-            decades; at the events between them there are further ones
+        points : number of designs, at evenly spaced values, or at evenly spaced logarithms for a parameter over
+            decades; events between them add further designs
         progress : called with the completed share of the way
 
-        The curve solves the optimality conditions by Newton's method, from one value to the next. It is one of local
-        optima, and ends where they do. Raises `InputError` for a number that cannot move, and `NoOrbit` where the
-        design is no strict minimum that can be followed.
+        Newton's method solves the optimality conditions from one value to the next. The curve consists of local optima
+        and ends where they end. Raises `InputError` for a number that cannot move, and `NoOrbit` where the design is
+        not a strict minimum.
 
         >>> from orbits import optimize
         >>> from problems import hopper_in_si
@@ -276,12 +276,12 @@ class Design(Result, what="design"):
 
     @property
     def tuned(self) -> bool:
-        """Whether numbers of its machine are tuned."""
+        """Whether parameters of its machine are tuned."""
         return bool(self.tune or self.at)
 
     @property
     def motion(self) -> tuple[Any, Orbit]:
-        """The machine as it is designed, with its numbers that are tuned, if any; and its orbit without dimensions."""
+        """The designed machine, with the names of its tuned parameters, if any; and its dimensionless orbit."""
         own = tuned_machine_of(self.source, self.tune, self.at, self.orbit) if self.tuned else self.source
         return own, self.orbit.dimensionless()
 
@@ -297,7 +297,7 @@ class Design(Result, what="design"):
 
     @classmethod
     def of_saved(cls, document: Any, machine: Machine | None = None) -> "Design":
-        """The design from what `saved` returned, of a machine with any values of the parameters that were free; raises
+        """The design from what `saved` returned, for a machine with any values of the designed parameters; raises
         `ValueError` where its parts contradict each other."""
         goal = conform(document["objective"], _SavedObjective, "objective")
         own = cls._fields_in({**document, "text": goal["formula"], "objective": goal["value"]})
@@ -335,5 +335,5 @@ def _idle(problem: DesignProblem, flat: np.ndarray) -> tuple[str, ...]:
     named = set[str]().union(*(formula.names for formula in problem.formulas))
     idle = tuple(name for name, still in zip(problem.names, flat, strict=True) if still and name not in named)
     if len(idle) == len(problem.names):
-        raise InputError(f"'{problem.text}' and the constraints do not depend on {', '.join(idle)}: nothing to design")
+        raise InputError(f"'{problem.text}' and the constraints do not depend on {', '.join(idle)}: design others")
     return idle

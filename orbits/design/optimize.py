@@ -70,29 +70,30 @@ def optimize(
     seed: int = 0,
     progress: Progress = None,
 ) -> Design:
-    """The parameters of a machine for which an objective of its lossless orbit is best.
+    """Find the parameters of a machine that optimise an objective of its lossless orbit.
 
-    machine : as in `find`; its own parameters are the first start, where they lie within the bounds
-    minimise, maximise : one of them, a formula of the orbit's quantities and the machine's parameters
+    machine : as in `find`; its own parameters are the first start, if they lie within the bounds
+    minimise, maximise : give one of them, a formula of the orbit's quantities and the machine's parameters
     over : bounds (low, high) of the parameters to be optimised, by name
-    subject_to : constraints, as "stroke <= 0.25", "loss_coefficient <= 2*alpha", "0.1 <= centre_of_mass_rise <= 0.2"
+    subject_to : constraints, such as "stroke <= 0.25", "loss_coefficient <= 2*alpha", "0.1 <= centre_of_mass_rise <=
+        0.2"
     family : number of the family, from 1
-    start : as in `find`, of the machine's own orbit, from which those of all other designs are continued, in place of
-        the number of a family; machines whose launch has several unknowns need it
+    start : as in `find`, of the machine's own orbit, instead of the number of a family; the orbits of all other designs
+        are continued from it. Machines whose launch has several unknowns need it
     tune, at : as in `find`, for quantities other than extremes of the motion: every design is tuned, and the result's
         `parameters` has the tuned values
     starts : number of local searches. The first starts at the machine's own parameters, the others at points of Sobol's
-        sequence; None for one, with further ones only where that leads to no optimum. With "global" 256 designs of the
-        sequence are computed, and searches start at those that are better than all of their neighbours; the result's
-        `share` is the share of the designs with an orbit that lead downhill to its optimum
+        sequence. None means one search, and further ones only if it leads to no optimum. With "global", 256 designs of
+        the sequence are computed, and searches start at the designs that are better than all their neighbours; the
+        result's `share` is the share of the designs with an orbit that lead downhill to its optimum
     seed : of Sobol's sequence, a whole number from 0
     progress : called with the completed share of the work: of the starts or, with "global", of the sample up to 1/2 and
         then of the starts
 
-    Returns the best of the local optima that the searches lead to, with its certified orbit. All numbers are in the
-    machine's units, or in SI for a machine in SI. That the orbit is admissible is always a constraint. Raises
-    `InputError` for an ill-posed problem, and `NoOrbit` with the reason when no start leads to an optimum: the amount
-    by which constraints are violated, an orbit that escapes, or a contact that collapses.
+    Returns the best local optimum found, with its certified orbit. All numbers are in the machine's units, or in SI for
+    a machine in SI. The orbit must always be admissible. Raises `InputError` for an ill-posed problem, and `NoOrbit`
+    when no start leads to an optimum, with the reason: the amount by which constraints are violated, an orbit that
+    escapes, or a contact that collapses.
 
     >>> from orbits import optimize
     >>> from problems import hopper_in_si
@@ -154,7 +155,7 @@ def multistart(
     """The best design from a number of starts; for None from the first, or from further ones where that fails."""
     if isinstance(starts, str):
         if starts != "global":
-            raise InputError(f"starts = {starts!r}; it is a number, or 'global'")
+            raise InputError(f"starts = {starts!r}; it must be a number, or 'global'")
         return _global_best(origin, problem, seed, progress)
     points = starting_points(origin.machine, problem, 1 if starts is None else starts, seed)
     try:
@@ -249,7 +250,7 @@ def _lowest_of_sample(
     found = np.flatnonzero(designs.statuses == "certified")
     found = found[np.isfinite([designs.numbers[text][found] for text in formulas]).all(axis=0)]
     if not len(found):
-        reason = next(iter(designs.reasons[designs.reasons != ""]), "its quantities are no numbers")
+        reason = next(iter(designs.reasons[designs.reasons != ""]), "its quantities are not finite")
         raise NoOrbit(f"none of {SAMPLE.designs} designs within the bounds has an orbit that is a motion: {reason}")
     merit = _merit(problem, {text: designs.numbers[text][found] for text in formulas})
     starts, counts = np.unique(_roots(places[found], merit), return_counts=True)
@@ -269,15 +270,16 @@ def _solved_sample(
     together = names_together(machine.machine)
     if machine.model.sticks and (alone := [text for text, each in formulas.items() if not each.names <= together]):
         raise InputError(
-            f"starts = 'global': '{problem.text if alone[0] == 'objective' else alone[0]}' is not computed for many "
-            f"orbits of a {machine.model.name} together, as {', '.join(sorted(together))} are: give a number of starts"
+            f"starts = 'global': '{problem.text if alone[0] == 'objective' else alone[0]}' cannot be computed for many "
+            f"orbits of a {machine.model.name} together; these can: {', '.join(sorted(together))}. Give a number of "
+            "starts instead"
         )
     assert orbit is not None
     own, start = start_of_tuned(machine.machine, machine.tuning, machine.equations, unknowns_of(machine, orbit))
     designs = solved_designs(own, problem.names, values, family, formulas, start, report, machine.tuning)
     if machine.model.one_speed:  # the local searches stay in the family
         other = (designs.statuses == "certified") & (designs.numbers["family"] != family)
-        designs.statuses[other], designs.reasons[other] = "no orbit", f"their orbits are not of family {family}"
+        designs.statuses[other], designs.reasons[other] = "no orbit", f"its orbit is not of family {family}"
     return designs
 
 

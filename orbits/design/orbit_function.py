@@ -52,12 +52,12 @@ def orbit_function(
 
     machine : as in `find`, with a reversor
     over : names (k,) of the parameters, or one of them
-    orbit : an orbit of the machine, or the number of its family. For other parameters it is continued from there: at
-        once where they are near, else along the straight line between them, or by one parameter after the other
+    orbit : an orbit of the machine, or the number of its family. The orbits for other parameters are continued from it:
+        in one step if they are near, else along the straight line between them, or one parameter after the other
     quantities : of the orbit, or formulas of them, as in `sensitivities`
     times : number m of times at which states are returned
-    start : as in `find`, of the orbit, in place of the number of its family
-    tune, at : as in `optimize`: the orbit is tuned for all parameters, among which may be prescribed quantities
+    start : as in `find`, of the orbit, instead of the number of its family
+    tune, at : as in `optimize`: the orbit is tuned for all parameters; `over` may also name prescribed quantities
     name : of the function
 
     The function takes "parameters" (k,) in the order of `over` and, unless m is 0, "times" (m,) since lift-off, and
@@ -67,14 +67,14 @@ def orbit_function(
         durations  (2,)    of flight and contact
         tuned      (t,)    values of the parameters in `tune`, unless there are none
         quantities (q,)    unless there are none
-        states     (n, m)  flight states at the times, unless m is 0; of a machine that steps as `Orbit` has them
+        states     (n, m)  flight states at the times, unless m is 0; for a machine that steps, as in `Orbit`
 
-    in the machine's units. Each call finds and certifies an orbit, which need not be admissible: bound quantities such
-    as "clearance" and "smallest_contact_force" where it has to be. Where it cannot be followed, the call raises
-    `RuntimeError` with the reason; Ipopt then takes a shorter step. Derivatives follow from the implicit function
-    theorem; second derivatives, as Ipopt takes them, are differences of these, unless "hessian_approximation" is
-    "limited-memory". Raises `InputError` for an unknown name, and for a model without a reversor, and `NoOrbit` for a
-    spring with hysteresis.
+    in the machine's units. Each call finds and certifies an orbit, which need not be admissible: where it must be,
+    bound quantities such as "clearance" and "smallest_contact_force". Where the orbit cannot be followed, the call
+    raises `RuntimeError` with the reason; Ipopt then takes a shorter step. Derivatives follow from the implicit
+    function theorem. Second derivatives, which Ipopt uses unless "hessian_approximation" is "limited-memory", are
+    differences of these. Raises `InputError` for an unknown name, and for a model without a reversor, and `NoOrbit` for
+    a spring with hysteresis.
 
     >>> from orbits import orbit_function
     >>> from problems import Hopper
@@ -86,20 +86,24 @@ def orbit_function(
     texts = list_of_names("quantities", quantities)
     check_parameters(machine)
     if not names or len({*names}) < len(names):
-        raise InputError(f"over = {over!r}; it names the parameters of the function, each once")
+        raise InputError(f"over = {over!r}; it must name the parameters of the function, each once")
     refuse_hysteresis(machine.model)
     if machine.model.sticks and (tune is not None or at is not None):
-        others = "optimize, pareto and sensitivities take it with tune= and at="
-        raise InputError(f"a {machine.model.name} moves along the ground, which is not differentiated here; {others}")
+        others = "use optimize, pareto or sensitivities with tune= and at="
+        raise InputError(
+            f"a {machine.model.name} moves along the ground, which orbit_function cannot differentiate; {others}"
+        )
     refuse_forward(machine.model)
     stated = with_tuning(machine, tune, at, ())
     check_varied(stated, names)
     if machine.model.reversor is None:
-        halves = "the second half of its orbits is no mirror image of the first, which is differentiated"
+        halves = "only the first half of an orbit is differentiated, and the second must be its mirror image"
         raise InputError(f"a {machine.model.name} has no reversor: {halves}")
     whole_number("times", times, "times", least=0)
     if not (isinstance(name, str) and ca.Function.check_name(name)):
-        raise InputError(f"name = {name!r}; it has letters, digits and single underscores, and begins with a letter")
+        raise InputError(
+            f"name = {name!r}; it must begin with a letter and have letters, digits and single underscores"
+        )
     machine, known = known_motion(stated, orbit, start)
     if known.contact_time is None:
         raise NoOrbit("the orbit has no contact that ends: " + "; ".join(known.violations))

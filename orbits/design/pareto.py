@@ -45,7 +45,7 @@ class Front(SeveralDesigns, what="front"):
 
     texts : the two objectives, both minimised
     designs : each certified
-    refused : (level of the second objective, reason) for each level at which no design was found
+    refused : (level of the second objective, reason) for each level without a design
     events : where constraints, bounds and conditions of a motion become active or cease to be, by the value of the
         second objective
     """
@@ -97,7 +97,7 @@ class Front(SeveralDesigns, what="front"):
 
     @classmethod
     def of_saved(cls, document: Any, machine: Machine | None = None) -> "Front":
-        """The front from what `saved` returned, of a machine with any values of the parameters that were free; raises
+        """The front from what `saved` returned, for a machine with any values of the designed parameters; raises
         `ValueError` where its parts contradict each other."""
         designs = tuple(Design.of_saved(point, machine) for point in document["points"])
         if not designs or any(design.pair is None for design in designs):
@@ -125,16 +125,16 @@ def pareto(
 ) -> Front:
     """The Pareto front of two objectives.
 
-    minimise : the two objectives, formulas as in `optimize`; one to be maximised has a minus sign, as "-alpha"
+    minimise : the two objectives, formulas as in `optimize`; to maximise one, give it a minus sign, such as "-alpha"
     points : number of designs, at most
     machine, over, subject_to, family, start, tune, at, starts, seed, progress : as in `optimize`
 
     Returns the designs in ascending order of the first objective, each certified as by `optimize`. Both ends of the
-    front are designed first. Then the first objective is minimised with the second bounded at levels that are evenly
-    spaced between the ends (the epsilon-constraint method of Haimes, Lasdon and Wismer, 1971): the optimality
-    conditions are followed from level to level, and where such a curve ends the next design is searched for, from the
-    previous one and from both ends. With `starts` it is searched for at every level, from further starts too. Dominated
-    designs are left out. Raises the errors of `optimize` where an end has no optimum.
+    front are designed first. Then the first objective is minimised while the second is bounded at evenly spaced levels
+    between the ends (the epsilon-constraint method of Haimes, Lasdon and Wismer, 1971). The optimality conditions are
+    followed from level to level. Where such a curve ends, a search starts from the previous design and from both ends.
+    With `starts`, such a search runs at every level, from further starts too. Dominated designs are left out. Raises
+    the errors of `optimize` where an end has no optimum.
 
     >>> from orbits import pareto
     >>> from problems import hopper_in_si
@@ -146,7 +146,7 @@ def pareto(
     """
     named = list_of_names("minimise", minimise) if is_list(minimise) else []
     if len({*named}) != 2 or len(named) != 2:
-        raise InputError(f"minimise = {minimise!r}; a front has two objectives, which differ")
+        raise InputError(f"minimise = {minimise!r}; it must be two different objectives")
     points = whole_number("points", points, "designs", 2)
     report = progress or (lambda share: None)
     with interrupts.deferred():
@@ -178,7 +178,7 @@ class _Levels:
     """The designs between the ends of a front, each with the first objective least below a level of the second one.
 
     problem : of the first objective
-    further : starts of a search at each level, beside the designs that are known; with any no curves are followed
+    further : starts of a search at each level, in addition to the known designs; with any no curves are followed
     """
 
     problem: DesignProblem

@@ -58,8 +58,8 @@ class Sensitivities(Result, Mapping[str, Mapping[str, float]], what="sensitiviti
         return len(self.slopes)
 
     def relative(self) -> dict[str, dict[str, float]]:
-        """The change of each quantity per change of each parameter, both as shares of their values: 1 where they are
-        in proportion. NaN where a quantity is 0."""
+        """The relative change of each quantity per relative change of each parameter, 1 where they are proportional;
+        NaN where a quantity is 0."""
 
         def share(quantity: str, name: str) -> float:
             value = self.at[quantity]
@@ -142,9 +142,9 @@ def sensitivities(
     machine : as in `find`
     orbit : an orbit of the machine, or the number of its family
     names : of the parameters, as in `optimize`, one or a list; None for all
-    quantities : of the orbit, or formulas of these, one or a list; None for all that it has
-    start : as in `find`, of the orbit, in place of the number of its family
-    tune, at : as in `optimize`. The derivatives are then by the parameters that are not tuned and by the prescribed
+    quantities : of the orbit, or formulas of these, one or a list; None for all
+    start : as in `find`, of the orbit, instead of the number of its family
+    tune, at : as in `optimize`. The derivatives are then taken by the other parameters and by the prescribed
         quantities, and the tuned parameters are among the quantities
 
     Returns the derivatives as a mapping by quantity and parameter, in the machine's units. They follow from the
@@ -178,10 +178,10 @@ def sensitivities(
 
 
 def check_varied(machine: Machine, names: Sequence[str]) -> None:
-    """Raise `InputError` where derivatives cannot be by parameters of these names: unknown ones, tuned ones, and those
-    that follow from others."""
+    """Raise `InputError` where derivatives cannot be by parameters of these names: unknown ones, tuned ones, and
+    parameters that follow from others."""
     if held := [name for name in names if name in tuned_numbers(machine)]:
-        raise InputError(f"'{held[0]}' is tuned and follows from the others: it is one of the quantities")
+        raise InputError(f"'{held[0]}' is tuned and follows from the others: name it among the quantities instead")
     # The machine itself determines which of its parameters follow from others.
     machine.with_values(**{name: machine.values[name] for name in names if name in machine.values})
     own = untuned(machine)
@@ -193,7 +193,7 @@ def known_motion(machine: Machine, orbit: Orbit | int, start: StartLike | None) 
     start; raises `InputError` for two."""
     known = orbit if isinstance(orbit, Orbit) else start
     if isinstance(orbit, Orbit) and start is not None:
-        raise InputError("an orbit, or the one near start=, is needed: leave one of the two out")
+        raise InputError("the orbit is given twice, by itself and by start=: leave one of the two out")
     if isinstance(machine, TunedMachine):
         tuned, bare = first_of_tuned(machine, known, 1 if isinstance(orbit, Orbit) else orbit)
         return tuned, orbit_of(untuned(tuned), bare)
@@ -231,11 +231,11 @@ def values_at_orbits(machines: Sequence[Machine], orbits: Sequence[Orbit], names
 def _requested(machine: Machine, orbit: Orbit, names: Names) -> Sequence[str]:
     """The requested names, or all quantities that the orbit has; raises `InputError` for another machine's orbit."""
     if not isinstance(orbit, Orbit):
-        raise InputError(f"orbit = {orbit!r}; it is an orbit of the machine, as find(machine) returns")
+        raise InputError(f"orbit = {orbit!r}; it must be an orbit of the machine, such as find(machine) returns")
     if dict(orbit.machine) != machine_in_words(machine):
-        raise InputError(f"the orbit is another machine's: {dict(orbit.machine)}")
+        raise InputError(f"the orbit belongs to another machine: {dict(orbit.machine)}")
     if not is_orbit_of(orbit, untuned(machine)):
-        raise InputError(f"the orbit is another machine's: {OTHER_EQUATIONS}")
+        raise InputError(f"the orbit belongs to another machine: {OTHER_EQUATIONS}")
     if names is not None:
         return list_of_names("names", names)
     known, bare = quantity_names(machine.model, machine.values), orbit.dimensionless()

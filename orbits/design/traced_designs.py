@@ -1,4 +1,4 @@
-"""Curves of best designs, traced in smooth pieces: where a corner or a demand becomes active, another one begins."""
+"""Curves of best designs, traced in smooth pieces: where a corner or a demand becomes active, another piece begins."""
 
 from collections.abc import Callable, Sequence
 from contextlib import suppress
@@ -90,7 +90,7 @@ def program_about(
     active: Sequence[str],
     idle: Sequence[str],
 ) -> MovingDesign:
-    """The program of a problem, a number of which moves, about the optimum at a machine's dimensionless orbit.
+    """The program of a problem with one moving number, about the optimum at a machine's dimensionless orbit.
 
     active : texts of the constraints, bounds and conditions of a motion that are active there
     idle : names of the parameters without effect
@@ -228,7 +228,7 @@ class _RunAlongDesigns:
             return onward
         if beyond := program.corners.beyond(near.design):
             where = f"{program.moving.label} {program.value(point.value):.6g}"
-            text = f"near {where} the {beyond} comes to a third place of the motion, or leaves one of two"
+            text = f"near {where} the {beyond} occurs at a third place of the motion, or no longer at one of two"
             self.end = End("degenerate", text)
             return None
         for number in program.active_corners(point):

@@ -1,7 +1,7 @@
-"""Machines with tuned numbers, as designs vary them, and the orbits of any machines near known unknowns.
+"""Machines with tuned numbers, for designs, and the orbits of any machines near known unknowns.
 
-The tuned numbers are unknowns of half an orbit beside those of the motion. So they are functions of all that is
-designed, by the same equations, and their derivatives follow as those of the launch do.
+The tuned numbers are unknowns of half an orbit in addition to those of the motion. So the same equations make them
+functions of the designed parameters, and their derivatives follow like those of the launch.
 """
 
 import time
@@ -43,8 +43,8 @@ from .design_quantities import base_statement
 
 @dataclass(frozen=True, eq=False)
 class TunedMachine:
-    """A machine some numbers of which are tuned, as a `Machine`: its values are followed by the prescribed quantities,
-    which may so be varied.
+    """A machine with tuned numbers, as a `Machine`: its values are followed by the prescribed quantities, which may so
+    be varied.
 
     machine : with the values of the tuned numbers
     tuned : their names
@@ -89,7 +89,7 @@ class TunedMachine:
         guess = NodedSolution(equations, None, u, p, equations.evaluate_all(u[None], p[None]))
         found = solved_near(self.machine, guess, u, p)
         if (longest := found.u[equations.durations].max()) >= LONGEST_START:
-            raise NoOrbit(f"it lasts {longest:.3g} of its own units of time, and is not found again")
+            raise NoOrbit(f"it lasts {longest:.3g} units of its own time, too long to be found again")
         found = replace(found, p=equations.with_tuned(found.u[None], p[None])[0])
         tuned = self.with_values(**tuned_values(equations, found.u))
         solved = Solved.of(self.model, METHOD, found)
@@ -109,12 +109,12 @@ def tuning_of_designs(machine: Machine, tune: Any, at: Any, varied: Iterable[str
     they cannot be those."""
     tuning = tuning_of(machine, tune, at)
     if twice := [name for name in varied if name in (*tuning.names, *tuning.values)]:
-        raise InputError(f"'{twice[0]}' is varied, so that it is neither tuned nor prescribed: leave it out of one")
+        raise InputError(f"'{twice[0]}' is varied, so it cannot be tuned or prescribed too: leave it out of one")
     if tuning.extremes:
         known = ", ".join(prescribable(machine.model))
         raise InputError(
-            f"at '{next(iter(tuning.extremes))}': it is found from the whole motion and no equation of half an orbit; "
-            f"designs are tuned to {known}, and find(machine, tune=..., at=...) finds one orbit"
+            f"at '{next(iter(tuning.extremes))}': it depends on the whole motion and gives no equation of half an "
+            f"orbit; designs can be tuned to {known}, and find(machine, tune=..., at=...) finds one orbit"
         )
     return tuning
 

@@ -2,8 +2,8 @@
 
 An arc ends at the first event of its phase: the gap of a foot closes, the contact force vanishes, a spring with
 hysteresis reverses, or the machine falls or slips. A reset follows: an impact, a lift-off, or another branch of the
-spring. Maps, simulations and multipliers are views of it: of the states in which hops end, of their arcs, and of what
-becomes of small changes along these.
+spring. Maps, simulations and multipliers are views of it: maps of the states in which hops end, simulations of their
+arcs, and multipliers of the growth of small changes along these.
 """
 
 from collections.abc import Callable, Iterator, Sequence
@@ -260,7 +260,7 @@ class Flyer:
             1 + np.abs(states).max()
         ):
             return True
-        self._finish(lane, "its spring sticks while the force that keeps it changes, which is not followed")
+        self._finish(lane, "its spring sticks while the force that holds it changes, which cannot be followed")
         return False
 
     def _land(self, lanes: np.ndarray, touches: np.ndarray) -> None:
@@ -389,7 +389,7 @@ class Flyer:
         return None
 
     def _lift_off_on_course(self, course: Course, lane: np.ndarray, phase: Phase, way: Exit) -> None:
-        """Lift off in a simulation, and go on to the next hop."""
+        """Lift off in a simulation, and continue to the next hop."""
         hops = self.hops
         self._update(lane)
         impacts = phase.impacts if self.branches else self.impacts

@@ -24,7 +24,7 @@ class Landed(NamedTuple):
     """What landings lead to, for m states.
 
     held : whether (m,) contact follows, immediately or after infinitely many bounces or hand-overs
-    state : states (m, n) after them; that which a contact begins with, or those that leave at once
+    state : states (m, n) after them; the state with which a contact begins, or the states that leave at once
     loss, wait : energies (m,) lost and times (m,) of infinitely many bounces or hand-overs
     order, foot : numbers (m,) of the feet that leave at once, with the orders (m,) of the zeros of their gaps; of
         contact, the order of the zero of its force

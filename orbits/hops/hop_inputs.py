@@ -1,4 +1,4 @@
-"""How a simulation goes on, hop after hop: the parameters in force, and the injection at each lift-off."""
+"""How a simulation continues, hop after hop: the parameters in force, and the injection at each lift-off."""
 
 from dataclasses import dataclass
 

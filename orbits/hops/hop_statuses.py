@@ -1,4 +1,4 @@
-"""Hops of many launches at once, with the statuses of those that rounding decides.
+"""Hops of many launches at once, with the statuses of launches that rounding decides.
 
 After many bounces rounding may decide how a hop ends: neighbouring launches show where it does.
 """

@@ -1,8 +1,8 @@
 """A machine whose spring has hysteresis, as ordinary machines between the reversals of the spring.
 
-While the extension grows it is the machine with the law of one branch, while it shrinks that with the other's. Where
-the rate of the extension vanishes, the other branch holds if it moves the extension on; if neither does, the spring
-sticks, and has the force between its branches that keeps its extension.
+While the extension grows, the machine has the law of one branch; while it shrinks, the law of the other. Where the rate
+of the extension vanishes, the other branch holds if it moves the extension on. If neither branch does, the spring
+sticks: its force lies between the branches and keeps its extension.
 """
 
 from collections.abc import Callable
@@ -98,9 +98,9 @@ class Branches:
         gain = (growing - shrinking) / (free - pulled) if self._noise else growing - shrinking
         if (gain > self._noise + HYSTERESIS.rounding * (np.abs(growing) + np.abs(shrinking))).any():
             raise InputError(
-                "the branches of the spring with hysteresis cross: the motion comes to extensions where the force is "
-                "larger while the spring shrinks, and which would feed it energy; exchange the branches, state them "
-                "to where they end, or take the law's `.mean`"
+                "the branches of the spring with hysteresis cross: the motion reaches extensions where the force is "
+                "larger while the spring shortens, which would add energy; exchange the branches, state them as far "
+                "as they go, or use the law's `.mean`"
             )
 
     @cached_property

@@ -29,20 +29,21 @@ from .sticking_contact import FALLS, SLIPS, FallTest, Footing, SlipTest
 # The endings of a hop other than "lifts_off" (of a map) and "done" (of a simulation).
 STATUSES = {
     "rests": "the contact never ends, or the launch speed with the injection is not above 0",
-    "leaves_elsewhere": "the contact ends where no launch does, or with a step back: a simulation flies on, a map ends",
-    "no_launch": "the contact would not open, because a strong damper takes a slow launch back",
+    "leaves_elsewhere": "the contact ends where no launch begins, or with a step back: a simulation continues, a "
+    "map ends",
+    "no_launch": "the contact would not open, because a strong damper stops a slow launch",
     "collapses": "the spring collapses, in contact or in flight",
     "stays": "the contact of a machine of several coordinates has not ended after many of its oscillations",
-    "carried_off": "the flight does not end, as of a machine that steps and has fallen over",
-    "out_of_range": "a law is needed where it is not defined, as outside a measured table",
-    "lost": "the motion could not be followed, as when it takes too many steps",
-    "cap": "there are too many impacts in one hop, as of a wheel that rolls down a steep slope: simulate it for a time",
-    "rattles": "hand-overs lose nothing, as with small angles, and no contact ever holds: state the angle",
-    "unstated": "a foot lands with a speed, and a hand-over needs masses in the plane: state their Mass(across=)",
-    "slips": "the foot needs more than the stated friction, and slipping is not simulated",
-    "falls": "a stated height of a machine that sticks, as that of its body, reaches the ground; a block that rocks "
-    "has fallen over and lies on its side; or the other foot touches while one stands, and both are not simulated",
-    "undecided": "after many bounces rounding decides how the hop ends",
+    "carried_off": "the flight does not end, for example since a machine that steps has fallen over",
+    "out_of_range": "the motion reaches a place where a law is not defined, such as outside a measured table",
+    "lost": "the motion could not be followed, for example since it takes too many steps",
+    "cap": "one hop has too many impacts, like a wheel that rolls down a steep slope: simulate it for a time",
+    "rattles": "changes of foot lose nothing, as at small angles, and no contact ever holds: state the angle",
+    "unstated": "a foot lands with a speed, and its impact needs masses in the plane: state their Mass(across=)",
+    "slips": "the foot needs more than the stated friction, but slipping cannot be simulated",
+    "falls": "a stated height of a machine that sticks, such as that of its body, reaches the ground; or a rocking "
+    "block lies on its side; or the other foot touches while one stands, and two standing feet cannot be simulated",
+    "undecided": "after many bounces, rounding decides how the hop ends",
     "invalid": "the launch speed is not a number above 0, or no launch has these numbers",
 }
 STATUS = f"<U{max(map(len, STATUSES))}"  # the type of arrays of statuses
@@ -140,14 +141,14 @@ class Impacts:
     def __init__(self, machine: Machine, values: Mapping | None = None, options: ImpactOptions | None = None):
         check_machine(machine, "restitution")
         if machine.model.hysteretic:
-            several = "a machine whose spring has hysteresis is followed by simulations, and by maps of launch speeds"
-            raise InputError(f"{several}: take the law's `.mean`")
+            several = "a machine whose spring has hysteresis can be simulated, or mapped from launch speeds"
+            raise InputError(f"{several}; for anything else use the law's `.mean`")
         self.machine, self.options = machine, options or ImpactOptions()
         model, self.restitution = machine.model, float(machine.restitution)
         if self.restitution > 0 and model.changes_contact:
             raise InputError(
-                f"restitution = {self.restitution:g}: after a landing with a restitution both feet of a {model.name} "
-                "would be in the air, where one foot stands at all times: it is 0"
+                f"restitution = {self.restitution:g}: a {model.name} must have the restitution 0, since one of its "
+                "feet stands at all times, and after a rebound none would"
             )
         self.model, self.values = model, dict(values or machine.values)
         self.p, names = vector(self.values), tuple(self.values)
@@ -526,12 +527,12 @@ def status_of_failure(error: FlowError, phase: str) -> str:
 
 def no_launch(alpha: float) -> Message:
     """The reason why a machine does not leave the ground at a launch speed."""
-    text = "alpha = {alpha:g} is no launch: the damper is too strong for the contact to open"
+    text = "alpha = {alpha:g} is not a launch: the damper is too strong for the contact to open"
     return Message(text, alpha=Quantity(alpha, LIFTOFF_SPEED))
 
 
 def injected(inject: object, unit: float = 1.0) -> float:
     """The checked addition to launch speeds, which are in this unit."""
     if abs(number := finite_number("inject", inject)) > FASTEST_LAUNCH * unit:
-        raise InputError(f"inject = {number:g}; it is at most {FASTEST_LAUNCH * unit:g}, as a launch speed is")
+        raise InputError(f"inject = {number:g}; it must be at most {FASTEST_LAUNCH * unit:g}, like a launch speed")
     return number

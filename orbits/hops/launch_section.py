@@ -98,7 +98,7 @@ class LaunchSection:
         """Launches (..., d), and values (...) of the dependent unknown if they are stated: from an array (..., d) of
         the free unknowns, a mapping of arrays (...) by name, or an orbit, its file or a periodic hop, which begins with
         a launch. Raises `InputError` for anything else."""
-        names, text = self.names, f"a launch of this machine is an array (..., {len(self.names)}) or a mapping"
+        names, text = self.names, f"a launch of this machine must be an array (..., {len(self.names)}) or a mapping"
         launch = start_in_file(launch) if isinstance(launch, str | Path) else launch
         if callable(launch) and hasattr(launch, "flight_time"):
             launch = self.impacts.model.launch_at(launch(0.0))
@@ -106,11 +106,11 @@ class LaunchSection:
             launch = launch.launches[0]
         if isinstance(launch, Mapping):
             unknown, missing = sorted(launch.keys() - {*self.unknowns}), [n for n in names if n not in launch]
-            # Durations and the step, which the starts of `find` have too, are no part of a launch.
+            # Durations and the step, which the starts of `find` have too, are not part of a launch.
             unknown = [name for name in unknown if name not in (*self.impacts.model.half_unknowns, STEP_LENGTH)]
             if unknown or missing:
                 wrong = f"has no '{unknown[0]}'" if unknown else f"needs '{missing[0]}'"
-                raise InputError(f"{text} of {', '.join(names)}: it {wrong}")
+                raise InputError(f"{text} of {', '.join(names)}, but it {wrong}")
             columns = np.broadcast_arrays(*(self._numbers(launch[name]) for name in names))
             own = launch.get(self.dependent)
             return np.stack(columns, axis=-1), None if own is None else self._numbers(own)
@@ -126,11 +126,11 @@ class LaunchSection:
         try:
             return np.array(values, dtype=float)
         except (TypeError, ValueError, OverflowError):
-            raise InputError(f"launch = {values!r}; a launch is numbers") from None
+            raise InputError(f"launch = {values!r}; a launch must be numbers") from None
 
     def launch(self, launch: Any) -> np.ndarray:
-        """The dimensionless contact state (k,) of one launch, stated as for `parsed`; raises `InputError` where there
-        is none."""
+        """The dimensionless contact state (k,) of one launch, stated as for `parsed`; raises `InputError` for anything
+        that is not a launch."""
         launches, guess = self.parsed(launch)
         with np.errstate(over="ignore"):
             own = launches / self.unit

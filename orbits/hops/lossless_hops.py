@@ -3,10 +3,10 @@
 Let P be the derivative of the state in the middle of the flight by that at launch, and R the reversor, which leaves the
 former as it is. The second half is the mirror image of the first one, so that its derivative is R P^-1 R and that of
 the whole flight R P^-1 R P; the same holds of the contact. Between them lies the projection by a tangential landing
-(`multiplier.tangential_landing`), and at lift-off the change of its time: no motion has to be followed again.
+(`multiplier.tangential_landing`), and at lift-off the change of its time: so no motion must be followed again.
 
-One multiplier is always 1: let e be the gradient of the energy on the launches. A launch beside the lossless one loses
-no energy to first order, so that e A = e for the derivative A of the map. With a reflection H that turns e to its first
+One multiplier is always 1: let e be the gradient of the energy on the launches. A launch near the lossless one loses no
+energy to first order, so that e A = e for the derivative A of the map. With a reflection H that turns e to its first
 axis, the first row of H A H is (1, 0, ..., 0), and what is left without its first row and column has the others.
 """
 
@@ -35,9 +35,8 @@ class LosslessHops:
     def __init__(self, machine: Machine):
         if machine.model.one_speed:
             raise InputError(
-                f"the launch of a {machine.model.name} is a speed alone: the one multiplier of its lossless hops is 1, "
-                "that of the energy, and crosses nothing; bifurcations(...) has the multipliers of hops with an "
-                "injection, which do"
+                f"a launch of a {machine.model.name} is one speed, so its lossless hops have one multiplier, which is "
+                "always 1; bifurcations(...) follows the multipliers of hops with an injection"
             )
         self.impacts = impacts_of(dimensionless(machine))
         self.section = LaunchSection(self.impacts)

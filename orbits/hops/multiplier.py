@@ -27,7 +27,7 @@ from .points_of_contact import LIFTS_OFF, REVERSES, STEPS_BACK, Foot
 from .sticking_contact import FALLS, SLIPS
 
 RESTS = "the machine rests: it does not lift off again"
-SLOWEST_LAUNCH_VARIED = 1e-150  # the square of a slower launch, and its inverse, are no numbers
+SLOWEST_LAUNCH_VARIED = 1e-150  # the square of a slower launch, and its inverse, are not finite
 TANGENTIAL = 1e-7  # an impact slower than this, relative to the launch speed, is tangential
 
 
@@ -53,11 +53,12 @@ def multiplier(machine: Machine, alpha: float) -> float:
     """
     if not machine.model.one_speed:
         raise InputError(
-            f"a launch of a {machine.model.name} is more than a speed: multipliers(machine, launch) has all"
+            f"a launch of a {machine.model.name} has several numbers: multipliers(machine, launch) returns all "
+            "multipliers"
         )
     alpha = finite_number("alpha", alpha)
     if alpha <= 0:
-        raise InputError(f"alpha = {alpha:g}; a launch speed is above 0")
+        raise InputError(f"alpha = {alpha:g}; a launch speed must be above 0")
     return _slope_of_hop(machine, alpha)
 
 
@@ -65,14 +66,14 @@ def multiplier(machine: Machine, alpha: float) -> float:
 def _slope_of_hop(machine: Machine, alpha: float) -> float:
     """The `multiplier` of the hop that starts with a speed above 0."""
     if not SLOWEST_LAUNCH_VARIED <= alpha <= FASTEST_LAUNCH:
-        text = "alpha = {alpha:g}; a launch speed that can be varied lies between {low:g} and {high:g}"
+        text = "alpha = {alpha:g}; to be varied, a launch speed must lie between {low:g} and {high:g}"
         bounds = {"alpha": alpha, "low": SLOWEST_LAUNCH_VARIED, "high": FASTEST_LAUNCH}
         raise InputError(Message(text, **{name: Quantity(x, LIFTOFF_SPEED) for name, x in bounds.items()}))
     return slope_of_hop(Branches(machine) if machine.model.hysteretic else impacts_of(machine), alpha)
 
 
 def slope_of_hop(rules: Rules, alpha: float) -> float:
-    """The `multiplier` of the hop of a dimensionless machine, of which these are the impacts."""
+    """The `multiplier` of the hop of a dimensionless machine with these impacts."""
     impacts = rules.first()
     x = impacts.launch(np.array([alpha]))[0]
     step = 1e-5 * alpha  # The extension of the launch state depends on the launch speed too where there is damping.
@@ -86,7 +87,7 @@ def slope_of_hop(rules: Rules, alpha: float) -> float:
             text, law = text + "; {law}", _one_sided(impacts, alpha, hop)
         raise NoOrbit(Message(text, speed=Quantity(hop.speed, SPEED), law=law))
     if not hop.impacts.liftoff(hop.liftoff[None])[1][0]:
-        raise NoOrbit("the contact ends where no launch does: the map has no next launch speed")
+        raise NoOrbit("the contact ends where no launch begins: the map has no next launch speed")
     return float(np.array(impacts.model.contact_speed.weights) @ hop.derivative[:, 0])
 
 
@@ -174,11 +175,11 @@ def _reason(hops: Flown, impacts: Impacts) -> str | Message:
     if 0 in hops.reasons:
         return Message("the {name} does not end: {error}", name=phase.phase.name, error=hops.reasons[0])
     if status == "cap":
-        return f"after {CAP} impacts the machine has not come to rest on the ground"
+        return f"the machine has not come to rest on the ground after {CAP} impacts"
     if status == "leaves_elsewhere" and np.any(hops.arcs[-1].step):
         return "the contact ends with a step back: the map has no next launch speed"
     if status == "leaves_elsewhere":
-        return "the contact ends where no launch does: the map has no next launch speed"
+        return "the contact ends where no launch begins: the map has no next launch speed"
     return RESTS if status in ("rests", "collapses") else STATUSES[status]
 
 
@@ -232,7 +233,7 @@ def tangential_landing(
     off = np.finfo(float).eps * lasted * np.abs(landing).max()
     ps, weights = np.atleast_2d(impacts.p), foot.gap.weights
     if jerk_jumps(impacts.flight, weights, landing[None], ps, np.array([jerk]), off).any():
-        raise NoOrbit("a law has a corner at lift-off: beside this hop there are neither multipliers nor a power law")
+        raise NoOrbit("a law has a corner at lift-off: near this hop there are neither multipliers nor a power law")
     # The landing that rounding lets happen early or late is led to where the acceleration of the gap vanishes.
     late = float(foot.speed @ impacts.flight.rates(landing, data)) / jerk
     if not abs(late) < lasted:
@@ -258,8 +259,8 @@ def _follow(flow: Flow, p, x, change, limit: float, stop) -> tuple[np.ndarray, n
 
 
 def losses_beside(impacts: Impacts, hop: HopDerivative, slope: float, power: float) -> tuple[float, float] | None:
-    """The coefficients of d**(4/3) in the losses beside a hop that lands tangentially, without and with a bounce, by a
-    number of which the gap has this slope and the energy this one; None where there are none."""
+    """The coefficients of d**(4/3) in the losses near a hop that lands tangentially, without and with a bounce, where d
+    is a number with this slope of the gap and this `power`, the slope of the energy; None where there are none."""
     x, jerk = hop.landing, -float(hop.foot.rates(hop.landing[None], impacts.p)[0, 0])
     if not jerk > 0 or slope == 0:
         return None

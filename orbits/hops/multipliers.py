@@ -1,4 +1,5 @@
-"""The multipliers of hops: the eigenvalues of the derivative of the map of launches, and what they say of stability."""
+"""The multipliers of hops: the eigenvalues of the derivative of the map of launches, and the stability that follows
+from them."""
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
@@ -27,16 +28,16 @@ class HopMultipliers(Result, what="multipliers", in_line=("values",), document_i
 
     names : of these numbers
     launch, following : (d,), the launch, and the launch after the hops
-    matrix : (d, d), the derivative; column j by number j
+    matrix : (d, d), the derivative; column j is the derivative by number j
     hops : the number of hops
-    lossless : whether the hops land tangentially, as those of a lossless orbit
-    losses : (2,), with E the energy above that of a lossless hop: along the direction of the multiplier 1, a hop loses
-        losses[0] E**(4/3) where E > 0, and losses[1] |E|**(4/3) where E < 0; empty where that is not known
+    lossless : whether the hops land tangentially, like a lossless orbit
+    losses : (2,): along the direction of the multiplier 1, with E the energy above that of a lossless hop, a hop loses
+        losses[0] E**(4/3) where E > 0, and losses[1] |E|**(4/3) where E < 0; empty where this is not known
     units : of the launch, by name; empty for a dimensionless machine
     machine : in words and numbers
     loses : whether the hops lose energy in impacts and nothing adds any, so that this launch never comes back
 
-    `values` (d,), by falling modulus, and `vectors` (d, d) are the multipliers and their directions, in columns.
+    `values` (d,), by falling modulus, are the multipliers; the columns of `vectors` (d, d) are their directions.
     """
 
     names: tuple[str, ...]
@@ -75,7 +76,8 @@ class HopMultipliers(Result, what="multipliers", in_line=("values",), document_i
 
     @property
     def stability(self) -> str:
-        """What the multipliers say of a launch: "unstable", "linearly stable" or "neutral", or "not periodic"."""
+        """The stability that follows from the multipliers: "unstable", "linearly stable" or "neutral", or "not
+        periodic"."""
         if not self.returns:
             return "not periodic"
         moduli = np.abs(self.values)
@@ -114,22 +116,22 @@ class HopMultipliers(Result, what="multipliers", in_line=("values",), document_i
     def _notes(self) -> list[str]:
         moduli, kind = np.abs(self.values), self.stability
         if kind == "not periodic":
-            return ["the launch does not come back: these are multipliers of this hop, and say nothing of stability"]
+            return ["the launch does not come back: these multipliers of one hop do not determine its stability"]
         outside, on = int((moduli > 1 + ON_CIRCLE).sum()), int((np.abs(moduli - 1) <= ON_CIRCLE).sum())
         if kind == "unstable":
-            beside = "outside the unit circle: small changes of the launch grow, which is decisive"
+            beside = "outside the unit circle: small changes of the launch grow"
             return [f"unstable: {outside} of {len(moduli)} multipliers {beside}"]
         if kind == "linearly stable":
             return ["linearly stable to first order: all multipliers lie inside the unit circle"]
         notes = [f"neutral to first order: {on} of {len(moduli)} multipliers on the unit circle, none outside"]
         if self.lossless:
             notes.append(
-                "the multiplier 1 is that of the energy, which hops lose only with the power 4/3 of a change of the"
-                " launch; launches with less energy than the lossless hop never come to it"
+                "the multiplier 1 belongs to the energy: hops lose it only as the power 4/3 of a change of the launch; "
+                "launches with less energy than the lossless hop never come to it"
             )
         if self.losses:
             above, below = self.losses
-            law = f"{above:.4g} E**(4/3) of an energy E more, and {below:.4g} |E|**(4/3) of one less"
+            law = f"{above:.4g} E**(4/3) of an excess energy E > 0, and {below:.4g} |E|**(4/3) of a deficit E < 0"
             notes.append(f"along its direction a hop loses {law}")
         return notes
 
@@ -150,10 +152,10 @@ def multipliers(machine: Machine, launch: Any, *, hops: int = 1, inject: float =
     launch : the numbers of a launch, as an array (d,) or by name; or an orbit or a periodic hop
     inject : as for `ReturnMap`
 
-    The derivative follows from the variational equations, with saltation at impacts and at lift-off. It exists at
-    lossless hops too, where the landing is tangential: the time of landing has no derivative there, but the next launch
-    has one, since the motions before and after it agree to first order. Raises `NoOrbit` where the machine does not
-    lift off again, and `InputError` for an invalid launch.
+    The derivative follows from the variational equations, with saltation at impacts and at lift-off. It also exists at
+    lossless hops, where the landing is tangential: there the time of landing has no derivative, but the next launch has
+    one, since the motions before and after the landing agree to first order. Raises `NoOrbit` where the machine does
+    not lift off again, and `InputError` for an invalid launch.
 
     >>> from orbits import find_all, multipliers
     >>> from problems import Chain
@@ -202,7 +204,7 @@ class HopsDerivative:
 
     @cached_property
     def energy_loss(self) -> "EnergyLoss | None":
-        """What a lossless hop, the only one here, loses beside its launch; None where that is not known."""
+        """What a lossless hop, the only one here, loses near its launch; None where that is not known."""
         impacts, hop, y = self.section.impacts, self.hops[0], self.launches[0]
         if not impacts.model.conservative or len(self.hops) > 1 or not hop.tangential:
             return None
@@ -221,8 +223,8 @@ class HopsDerivative:
 
 
 class EnergyLoss(NamedTuple):
-    """What a hop loses whose launch is beside a lossless one: the direction (d,) of the multiplier 1, by the energy;
-    the derivatives (d,) of the energy; and the `losses` of `HopMultipliers`."""
+    """What a hop loses whose launch is near a lossless one: the direction (d,) of the multiplier 1, by the energy; the
+    derivatives (d,) of the energy; and the `losses` of `HopMultipliers`."""
 
     direction: np.ndarray
     powers: np.ndarray
@@ -235,7 +237,7 @@ def derivative_of_hops(section: LaunchSection, y: np.ndarray, count: int, inject
     for _ in range(count):
         x = impacts.model.embed @ y
         if np.abs(x).max() > FASTEST_LAUNCH or not impacts.opens(x[None])[0]:
-            raise NoOrbit(Message("{launch} is no launch: the contact would not open", launch=section.in_words(y)))
+            raise NoOrbit(Message("{launch} is not a launch: the contact would not open", launch=section.in_words(y)))
         hop = hop_derivative(impacts, x, impacts.model.embed @ section.tangent(y))
         matrix = section.free(hop.derivative.T).T @ matrix
         (y,) = section.injected(hop.liftoff[None], inject)

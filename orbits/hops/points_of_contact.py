@@ -18,7 +18,7 @@ from ..model import CONTACT_FORCE, LANDED_FORCE, NORMAL_FORCE, TANGENTIAL_FORCE,
 from ..numerics import Crossings
 from ..symbolic import ElementwiseFunction, cached
 
-# A landing slower than this, relative to the state, loses nothing but rounding.
+# A landing slower than this, relative to the state, loses only rounding.
 SLOW = 1e-8
 LIFTS_OFF, STEPS_BACK = "lifts_off", "steps_back"  # how a contact ends, by the force that vanishes
 REVERSES = "reversal"  # how an arc of a spring with hysteresis ends

@@ -1,4 +1,4 @@
-"""The simulation that recorded arcs are: its legs, integrated once more between their known ends, and its events."""
+"""A simulation from recorded arcs: its legs, integrated once more between their known ends, and its events."""
 
 from typing import TypeAlias, cast
 

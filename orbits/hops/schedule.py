@@ -57,7 +57,7 @@ class Feedback(Protocol):
 
 
 class Decisions:
-    """The decisions of a feedback while a simulation goes on."""
+    """The decisions of a feedback while a simulation continues."""
 
     def __init__(self, feedback: Feedback):
         self.feedback, self.begun = feedback, np.inf
@@ -67,7 +67,7 @@ class Decisions:
         self.changes = list[tuple[float, float]]()
 
     def lift_off(self, now: float) -> None:
-        """Begin a cycle, in which no input is in force yet."""
+        """Begin a cycle without any input in force."""
         self.begun, self.now_in, self.values = now, None, np.zeros(len(self.values))
         self.measured = {}
         self._change(now, 0.0)
@@ -108,17 +108,20 @@ def parsed_schedule(schedule: Any) -> Inputs:
     except (TypeError, ValueError, AttributeError):
         times, inputs = np.zeros(()), {}
     if times.ndim != 1:
-        raise InputError(f"schedule = {schedule!r}; it is a list of times, and lists of values of parameters by name")
+        raise InputError(f"schedule = {schedule!r}; it must be a list of times, and lists of parameter values by name")
     if not (np.isfinite(times).all() and (np.diff(times) > 0).all()):
-        raise InputError("schedule: its times are finite and rise")
+        raise InputError("schedule: its times must be finite and increase")
     for name, values in inputs.items():
         if values.shape != (max(len(times) - 1, 0),) or not np.isfinite(values).all():
-            raise InputError(f"schedule: '{name}' has {values.size} values between {len(times)} times")
+            raise InputError(
+                f"schedule: '{name}' has {values.size} values for {len(times)} times; it must have one value "
+                "between each two times"
+            )
     return times, inputs
 
 
 def check_scheduled(inputs: Inputs, names: Sequence[str]) -> None:
     """Raise `InputError` where a schedule changes anything but the parameters that may be scheduled."""
     if unknown := [name for name in inputs[1] if name not in names]:
-        there = f"there are {', '.join(names)}" if names else "this machine has none that may change in time"
+        there = f"it may change {', '.join(names)}" if names else "no parameter of this machine may change in time"
         raise InputError(f"schedule: the machine has no parameter '{unknown[0]}', or it sets the units; {there}")

@@ -84,12 +84,12 @@ class Simulation(Result, what="simulation", in_line=("status", "end", "source"))
 
     legs, events : the motions of the phases, and the impacts, landings and lift-offs, in order
     status : "done", or why it ended early: a name of `orbits.hops.impacts.STATUSES`
-    launches : launch speeds: that of the start if it was a launch, then one for each lift-off, NaN for a lift-off that
-        is not a launch
+    launches : launch speeds: first that of the start if it was a launch, then one for each lift-off; NaN for a lift-off
+        that is not a launch
     end : time of the end
     source : the machine simulated
     reason : why the motion could not be followed further, in words; "" where it could
-    schedule : that of parameters that changed in time, as `simulate` takes it; None where none did
+    schedule : of the parameters that changed in time, as `simulate` takes it; None if there were none
     """
 
     legs: tuple[Leg, ...]
@@ -103,8 +103,8 @@ class Simulation(Result, what="simulation", in_line=("status", "end", "source"))
 
     @cached_property
     def smallest_separation(self) -> float | None:
-        """The smallest separation of the masses, None without a rest length; where it is not above 0 they pass through
-        each other, which no real machine does and the simulation ignores."""
+        """The smallest separation of the masses, None without a rest length. Where it is not above 0 the masses pass
+        through each other, which the simulation ignores although no real machine can do so."""
         embed, smallest = self.source.model.embed, []
         if (separation := self._length(self.source.model.separation(self.source.values))) is None:
             return None
@@ -121,7 +121,7 @@ class Simulation(Result, what="simulation", in_line=("status", "end", "source"))
 
     @property
     def springs(self) -> tuple[tuple[str | None, str], ...]:
-        """Names of the heights, lower and upper, that springs join, None for the ground."""
+        """Names of the heights, lower and upper, that each spring joins; None for the ground."""
         return self.source.model.springs
 
     @property
@@ -208,7 +208,7 @@ class Simulation(Result, what="simulation", in_line=("status", "end", "source"))
         ]
         if (least := self.smallest_separation) is not None and least <= 0:
             what = self.source.model.violations["separation"]
-            notes.append(f"{what}: the least separation is {least:.6g}{metre}")
+            notes.append(f"{what}: the smallest separation is {least:.6g}{metre}")
         return notes
 
     @property
@@ -235,8 +235,8 @@ class Simulation(Result, what="simulation", in_line=("status", "end", "source"))
         return shown("animation").animate_simulation(self, path, frames, progress)
 
     def export(self, folder: str | Path, t: ArrayLike | None = None) -> Path:
-        """Write the motion at times `t`, by default over all of it, for simulators of robots to a folder; returns its
-        path. See `Orbit.export`."""
+        """Write the motion at times `t`, by default over its whole duration, to a folder for robot simulators; returns
+        its path. See `Orbit.export`."""
         return shown("simulators").export_simulation(self, folder, t)
 
     def _times(self, t: ArrayLike) -> np.ndarray:
@@ -308,8 +308,8 @@ class Simulation(Result, what="simulation", in_line=("status", "end", "source"))
         return rows_of_legs(self.legs, self.end, t, self._flight_states, self._second)
 
     def unrolled(self, t: ArrayLike) -> np.ndarray:
-        """Flight states (..., n) at times (...) in the labels of the first flight: of a machine that steps, places go
-        on from step to step, while those of a call jump at a landing."""
+        """Flight states (..., n) at times (...) in the labels of the first flight: for a machine that steps, places
+        continue from step to step, while the states of a call jump at a landing."""
         states, units, label = self(t), self.source.units, self.source.model.relabelling
         stances = np.array([leg.stance for leg in self.legs])[index_of_legs(self.legs, self._times(t))]
         shifts = np.array(label.shifts(self.source.values)) * (units.of_states(self._states) if units else 1.0)
@@ -325,7 +325,7 @@ class Simulation(Result, what="simulation", in_line=("status", "end", "source"))
 
     @property
     def footholds(self) -> np.ndarray:
-        """The places (k,) along the ground at which a foot that sticks stood, one after the other; empty for others."""
+        """The places (k,) along the ground at which a foot that sticks stood, in order; empty for other machines."""
         if not self.source.model.sticks:
             return np.zeros(0)
         first = [self.legs[0].foothold] * (len(self.launches) > sum(e.kind == "lift-off" for e in self.events))
@@ -334,7 +334,8 @@ class Simulation(Result, what="simulation", in_line=("status", "end", "source"))
 
     @property
     def distance(self) -> float | None:
-        """How far a foot that sticks came along the ground from the start to the end; None for other machines."""
+        """The distance along the ground that a foot that sticks moved from the start to the end; None for other
+        machines."""
         own = [self._states.index(name) for name in self.source.model.sticks]
         if not own or not self.legs:
             return None
@@ -343,8 +344,8 @@ class Simulation(Result, what="simulation", in_line=("status", "end", "source"))
 
     @property
     def falls(self) -> tuple[str, float] | None:
-        """The name of the height of a machine that sticks, other than its gap, or of a block that rocks, which reaches
-        the ground, and when; None where none does. The simulation ends there."""
+        """The name of a height that reaches the ground, and when; None if none does. It is a height other than the gap,
+        of a machine that sticks or a rocking block. The simulation ends there."""
         return next(((event.foot, event.time) for event in self.events if event.kind == FALLS), None)
 
     @property

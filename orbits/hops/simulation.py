@@ -40,24 +40,24 @@ def simulate(
     """Simulate a machine from a launch or from a state, with every impact, landing and lift-off located.
 
     machine : as in `find`, with its restitution
-    alpha : the launch at which the simulation begins, a lift-off after sustained contact: its speed or, of a machine
-        whose launch has several numbers, these by name; or an orbit, or the name of a file of one, with whose launch
-        it begins
-    state : (n,), instead of alpha: a flight state with a gap that is open or opens, as after an impact, or that is
-        closed and at rest; then the machine stays in contact if the contact force presses, and lifts off if it does not
+    alpha : the launch at which the simulation begins, a lift-off after sustained contact: its speed or, for a machine
+        whose launch has several numbers, these by name; or an orbit, or the name of its file, with whose launch it
+        begins
+    state : (n,), instead of alpha: a flight state whose gap is open or opens, as after an impact, or is closed and at
+        rest. From rest the machine stays in contact if the contact force presses, else it lifts off
     hops, time : the simulation ends after this many lift-offs or after this time, whichever is first; one is needed
-    inject : added to the launch speed at every lift-off that is a launch, an impulse on the coordinate that is
-        launched; with a damper the extension at lift-off depends on the speed, and the injection moves the machine to
-        the extension of the new speed
+    inject : added to the launch speed at every lift-off that is a launch, an impulse on the launched coordinate. With a
+        damper the extension at lift-off depends on the speed, and the injection moves the machine to the extension of
+        the new speed
     cap : number of impacts in one hop after which the simulation ends
     schedule : (times (k + 1,), values (k,) of parameters by name): the piecewise constant inputs of an actuator; before
         and after these times the machine's own values hold
     feedback : a rule that sets a parameter in each cycle from the states at some times after lift-off, such as a `Hold`
-        that `orbits.control.hold` finds
+        from `orbits.control.hold`
 
-    Returns the motion, whose `status` says how it ended. All numbers are in the machine's units. A hop from a launch
-    that is "undecided" in the `ReturnMap` ends the simulation with that status, at the landing after its many bounces.
-    Raises `InputError` for invalid arguments, such as a launch at which the contact would not open.
+    Returns the motion, whose `status` says how it ended. All numbers are in the machine's units. If a launch is
+    "undecided" in the `ReturnMap`, its simulation ends with that status, at the landing after its many bounces. Raises
+    `InputError` for invalid arguments, such as a launch at which the contact would not open.
 
     >>> from orbits import simulate
     >>> from problems import Hopper
@@ -72,18 +72,21 @@ def simulate(
     inject, cap = injected(inject, units.of(LIFTOFF_SPEED) if units else 1.0), whole_number("cap", cap, "impacts")
     hops = None if hops is None else whole_number("hops", hops, "lift-offs")
     if not (isinstance(time, Real) and time > 0):
-        raise InputError(f"time = {time!r}; it is a number above 0")
+        raise InputError(f"time = {time!r}; it must be a number above 0")
     time = np.inf if time == np.inf else finite_number("time", time)
     if hops is None and time == np.inf:
         raise InputError("a simulation needs hops or a time at which to end")
     alpha = start_in_file(alpha) if isinstance(alpha, str | Path) else alpha
     if not (alpha is None or isinstance(alpha, Mapping | Orbit) or finite_number("alpha", alpha) > 0):
-        raise InputError(f"alpha = {alpha:g}; a launch speed is above 0")
+        raise InputError(f"alpha = {alpha:g}; a launch speed must be above 0")
     inputs = None if schedule is None else parsed_schedule(schedule)
     if feedback is not None and inputs is not None:
-        raise InputError("feedback: a schedule and a feedback exclude each other")
+        raise InputError("feedback: leave out either the schedule or the feedback")
     if feedback is not None and feedback.name not in machine.values:
-        raise InputError(f"feedback: the machine has no parameter '{feedback.name}': simulate the one that it holds")
+        raise InputError(
+            f"feedback: the machine has no parameter '{feedback.name}': simulate the machine that the feedback was "
+            "designed for"
+        )
     state = None if state is None else _checked_state(machine, state)
     return _simulated(machine, alpha, state, hops, time, inject, cap, inputs, feedback)
 
@@ -92,12 +95,12 @@ def _checked_state(machine: Machine, state: ArrayLike) -> np.ndarray:
     """A flight state (n,); raises `InputError` for an invalid one."""
     names = machine.model.flight.states
     if isinstance(state, Orbit):
-        raise InputError("state is an orbit, and a state is numbers: simulate(machine, orbit) begins with its launch")
+        raise InputError("state must be numbers, not an orbit: simulate(machine, orbit) begins with the orbit's launch")
     with suppress(TypeError, ValueError, OverflowError):
         x = np.array(state, dtype=float)
         if x.shape == (len(names),) and np.isfinite(x).all():
             return x
-    raise InputError(f"state = {state!r}; it is {len(names)} numbers, {', '.join(names)}")
+    raise InputError(f"state = {state!r}; it must be {len(names)} numbers, {', '.join(names)}")
 
 
 def _bare_state(state: np.ndarray | None, machine: Any) -> np.ndarray | None:
@@ -124,14 +127,16 @@ def _simulated(
     branches = Branches(machine) if machine.model.hysteretic else None
     if branches and (inputs is not None or feedback is not None):
         what = "schedule" if feedback is None else "feedback"
-        remedy = f"its spring has hysteresis, which no {what} takes; give it the law's `.mean`"
+        remedy = f"its spring has hysteresis, which excludes a {what}; use the law's `.mean`"
         raise InputError(f"a {what} for a {machine.model.name}: {remedy}")
     if inputs is not None and not machine.model.sticks:
         refuse_steps(machine.model, "a schedule")
     impacts = branches.first(state) if branches else impacts_of(machine)
     if branches and inject != 0 and not impacts.model.one_speed:
         name = impacts.model.name
-        raise InputError(f"inject = {inject:g}: a launch of a {name} is more than the speed that it adds to")
+        raise InputError(
+            f"inject = {inject:g}: it adds to a launch speed, but a launch of a {name} has several numbers"
+        )
     known = Schedule(machine, inputs)
     x, launch_speed, order, foot = _initial_state(impacts, known(0.0)[0], alpha, state)
     impacts.footing.refuse_fallen(x)
@@ -199,11 +204,11 @@ def _launch_state(impacts: Impacts, launch) -> tuple[np.ndarray, float]:
             launch = section.unknowns_of(section.launch(launch))
         if unknown := sorted(set(names) ^ launch.keys(), key=str):
             wrong = f"has no '{unknown[0]}'" if unknown[0] in launch else f"needs '{unknown[0]}'"
-            raise InputError(f"alpha: a launch of this machine has the numbers {', '.join(names)}: it {wrong}")
+            raise InputError(f"alpha: a launch of this machine has the numbers {', '.join(names)}, but it {wrong}")
         named = {name: finite_number(name, launch[name]) for name in names}
         return np.array([impacts.model.launch(named, impacts.values)], dtype=float), named["alpha"]
     if not 0 < (alpha := finite_number("alpha", launch)) <= FASTEST_LAUNCH:
-        text = "alpha = {alpha:g}; a launch speed is above 0 and at most {most:g}"
+        text = "alpha = {alpha:g}; it must be above 0 and at most {most:g}"
         speed, most = (Quantity(number, LIFTOFF_SPEED) for number in (alpha, FASTEST_LAUNCH))
         raise InputError(Message(text, alpha=speed, most=most))
     return impacts.launch(np.array([alpha])), alpha

@@ -1,4 +1,4 @@
-"""What sticks in contact: where the foot stands, what a landing stops, and the friction that holds it.
+"""Coordinates that stick in contact: where the foot stands, what a landing stops, and the friction that holds it.
 
 The place of a coordinate that sticks is 0 in the labels of each stance, and a simulation keeps the place from which it
 is counted, the foothold. A landing stops the speed of the gap and that along the ground, by one impulse. Where a
@@ -60,7 +60,7 @@ class Footing:
         """Raise `InputError` for a flight state (n,) on the ground in which what sticks has a speed."""
         names = self.flight.phase.states
         if any(abs(x[i + 1]) > tolerance for i in self.sticks):
-            text = "state = {place}: its foot sticks to the ground, where '{name}' is 0"
+            text = "state = {place}: its foot sticks to the ground, so '{name}' must be 0"
             raise InputError(Message(text, place=described(names, x), name=names[self.sticks[0] + 1]))
 
     @property
@@ -114,7 +114,7 @@ class Footing:
 
     @property
     def watched_alone(self) -> bool:
-        """Whether contacts end by slip or by heights that are no functions of the contact state."""
+        """Whether contacts end by slip or by heights that are not functions of the contact state."""
         return bool(self.cone) or (bool(self.heights) and not self.model.changes_contact)
 
     def refuse_fallen(self, x: np.ndarray) -> None:

@@ -104,15 +104,15 @@ class LaunchIntervals(
 class Basins(
     _OfLaunches, Result, Mapping[float, Intervals], what="basins", dimension="stretch", in_line=("low", "high", "share")
 ):
-    """What the launches between two speeds come to; a mapping of the (smallest) launch speeds of attracting hops to the
-    intervals of launch speeds that come to each.
+    """What the launches between two speeds come to: a mapping from the (smallest) launch speed of each attracting hop
+    to the intervals of launch speeds that come to it.
 
     machine : in words and numbers
     low, high, inject : the range of the launch speeds, and the injection of the map
-    destinations : hops that attract, and what else launches come to: each with its intervals; those that have
-        none are left out
-    hops : the largest number of hops after which a launch that comes to a hop is in its immediate basin, the
-        interval around that in which all launches come to it; those that need more than are allowed are undecided
+    destinations : hops that attract, and what else launches come to: each with its intervals; destinations without any
+        are left out
+    hops : the largest number of hops after which a launch reaches the immediate basin of its hop, the interval around
+        the hop in which all launches come to it; launches that need more hops than allowed are undecided
     """
 
     machine: Mapping[str, Any]
@@ -143,14 +143,14 @@ class Basins(
         return replace(self, machine=machine, low=low, high=high, inject=inject, destinations=own)
 
     def share_of(self, alpha: float | str) -> float:
-        """The share of the range that comes to a hop with this (smallest) launch speed, or to what is not a hop, by its
-        kind as "undecided", 0 where none do; raises `InputError` for another speed or kind."""
+        """The share of the range that comes to a hop with this (smallest) launch speed or, by a kind such as
+        "undecided", to anything else; 0 if no launch does. Raises `InputError` for another speed or kind."""
         if isinstance(alpha, str):
             if alpha not in {*KINDS, *STATUSES, *(here := sorted({each.kind for each in self.destinations}))}:
-                raise InputError(f"'{alpha}' is nothing that launches come to; here they come to {', '.join(here)}")
+                raise InputError(f"'{alpha}' is not where launches come to; here they come to {', '.join(here)}")
             return sum(self._share(each.intervals) for each in self.destinations if each.kind == alpha)
         if alpha not in self:
-            raise InputError(f"alpha = {alpha!r} is none of the launch speeds of attracting hops, which are {[*self]}")
+            raise InputError(f"alpha = {alpha!r} is not a launch speed of attracting hops, which are {[*self]}")
         return self._share(self[alpha])
 
     @property
@@ -170,12 +170,12 @@ class Basins(
 
     @property
     def at_least(self) -> str:
-        """The words before a share that is a lower bound, as launches are undecided; else empty."""
+        """The words before a share that is a lower bound, since some launches are undecided; else empty."""
         return "at least " if any(each.kind == UNDECIDED for each in self.destinations) else ""
 
     @property
     def goal(self) -> str:
-        """What the hops are called that attract."""
+        """The name of the attracting hops."""
         is_stable = self.inject or any(each.kind == "stable" for each in self.attracting)
         return "an attracting hop" if is_stable else "a lossless hop"
 
@@ -198,21 +198,21 @@ class Basins(
     def _notes(self) -> list[str]:
         kinds = {each.kind: each for each in self.destinations}
         notes = [
-            f"a launch comes to a hop where one of its first {self.hops} hops begins in the immediate basin of that hop"
+            f"a launch comes to a hop if one of its first {self.hops} hops begins in the immediate basin of that hop"
         ] if self.attracting else []  # fmt: skip
         if CHAOS in kinds:
             notes.append(
-                "chaotic: launches stay between two speeds, and no attracting cycle of up to "
-                f"{DESTINATIONS.longest} launches was found there"
+                f"chaotic: launches stay between two speeds, and no attracting cycle of up to {DESTINATIONS.longest} "
+                "launches was found there"
             )
         if UNDECIDED in kinds:
             a, b = max(kinds[UNDECIDED].intervals, key=lambda pair: pair[1] - pair[0])
-            text = f"undecided: the longest interval is {a:.9g} to {b:.9g}, of the length {b - a:.2g}"
+            text = f"undecided: the longest interval is {a:.9g} to {b:.9g}, of length {b - a:.2g}"
             notes.append(text + ("; fewer launches are undecided in a narrower range" if len(kinds) > 1 else ""))
         return notes
 
     def table(self) -> dict[str, list[Any]]:
-        """A row for each interval: what it comes to, the smallest launch speed of that, and its ends."""
+        """A row for each interval: what it comes to, with its smallest launch speed, and the ends of the interval."""
         rows = [
             (each.kind, each.launches[0] if each.launches else None, a, b)
             for each in self.destinations

@@ -1,4 +1,4 @@
-"""A bifurcation of hops, and what hops are called by their period and their stability."""
+"""A bifurcation of hops, and the names of hops by their period and their stability."""
 
 from dataclasses import dataclass
 
@@ -15,20 +15,20 @@ def name_of_hops(period: int) -> str:
 
 @dataclass(frozen=True)
 class Bifurcation:
-    """A bifurcation on a branch of periodic launches, located.
+    """A located bifurcation on a branch of periodic launches.
 
     kind : "flip" (multiplier -1: hops of twice the period begin), "fold" (multiplier 1: the branch turns round in the
         parameter), "branch point" (multiplier 1, and the branch does not turn), "Neimark-Sacker" (a pair of complex
-        multipliers crosses the unit circle), "border collision" (a launch passes a border of the map: a bounce more or
-        less, or a graze; or its slope jumps, and the multiplier with it past 1 or -1), or "non-smooth fold" (the branch
-        turns round at a border)
+        multipliers crosses the unit circle), "border collision" (a launch passes a border of the map, with one bounce
+        more or less, or a graze; or the slope of the map jumps, and with it the multiplier past 1 or -1), or
+        "non-smooth fold" (the branch turns round at a border)
     value : of the parameter
     alphas : the launch speeds (period,) of the periodic hops
     multiplier : of these hops; NaN at a border, where there are two
     branch : index of the branch
     note : in words, for example which branch begins or ends there, or that the hop is lossless; may be ""
     border : the kind of the border that a launch passes, "lossless", "graze" or "bounce"; else ""
-    sides : the multipliers on both sides of the border, that before it on the branch first
+    sides : the multipliers on both sides of the border, in order along the branch
     """
 
     kind: str

@@ -32,10 +32,10 @@ class BifurcationCurve(Result, what="curve of bifurcations", in_line=("kind", "a
     """A curve of bifurcations of hops in two parameters.
 
     kind : "flip", "fold" or "border collision"
-    along : the parameter that the bifurcation is in
+    along : the parameter in which the bifurcation occurs
     second : the other parameter, along which the curve was followed
     machine : in words and numbers, at the first point
-    impacts : the numbers of impacts (period,) of the hops; at a border collision those on one of its sides
+    impacts : the numbers of impacts (period,) of the hops; at a border collision, on one of its sides
     border : what happens at a border collision, in words; "" at other bifurcations
     values : of the two parameters (n, 2), `along` first, in order along the curve
     alphas : launch speeds (n, period) of the hops
@@ -84,8 +84,8 @@ class BifurcationCurve(Result, what="curve of bifurcations", in_line=("kind", "a
         return super().unit_of("alpha" if name.startswith("alpha ") else name)
 
     def at(self, value: float) -> list[float]:
-        """The values of the first parameter at a value of the second: points of the curve where it passes it, else
-        by linear interpolation between neighbours."""
+        """The values of the first parameter at a value of the second, from points of the curve, or by linear
+        interpolation between neighbours."""
         ahead = self.values[:, 1] - value
         found = self.values[ahead == 0, 0].tolist()
         for i in np.flatnonzero(ahead[1:] * ahead[:-1] < 0):

@@ -1,8 +1,8 @@
 """Bifurcation diagrams of the return map along the injection, the restitution, or a parameter of the machine.
 
-Fixed points, and hops of longer periods, are searched for at some values of the parameter, over the whole range of
-launch speeds, and each is followed to both sides. Where its multiplier passes -1, hops of twice the period begin, and
-are followed too.
+Fixed points, and hops of longer periods, are searched at some values of the parameter, over the whole range of launch
+speeds, and each is followed to both sides. Where a multiplier passes -1, hops of twice the period begin and are
+followed too.
 """
 
 from collections.abc import Iterator, Sequence
@@ -31,9 +31,9 @@ SECTIONS_OF_STARTS = 3  # values of the parameter by default for launches of sev
 SAME_PLACE = 1e-6  # launches that differ by a smaller share of the range are the same
 # What happens where a launch passes a border of the map, by the kind of the border, and by that of the event.
 BORDERS_IN_WORDS = {
-    "lossless": "a launch is the lossless one, beside which the loss goes as the power 4/3: a bounce more or less",
+    "lossless": "a launch is the lossless one, near which the loss grows as the power 4/3: one bounce more or less",
     "graze": "a landing grazes",
-    "bounce": "the contact force vanishes at a landing: a bounce more or less",
+    "bounce": "the contact force vanishes at a landing: one bounce more or less",
 }
 RUN_ON = {"border collision": "persist", "non-smooth fold": "turn round"}
 SETTLES = {True: "stable", False: "unstable"}
@@ -65,59 +65,59 @@ def bifurcations(
     samples: int = 400, sections: int | None = None, attractor: int | None = None, cap: int = CAP,
     starts: Sequence[Any] | None = None, periods: Sequence[int] = (1,), doublings: int = 1, progress: Progress = None,
 ) -> BifurcationDiagram:  # fmt: skip
-    """The fixed points of a machine's return maps along a parameter, hops of longer periods, and those of twice a
-    period that begin at flips.
+    """Follow the fixed points of a machine's return maps along a parameter, hops of longer periods, and hops of twice
+    the period that begin at flips.
 
     machine : as for `ReturnMap`
-    along : "inject", "restitution", or a parameter of the machine, as "damping"
+    along : "inject", "restitution", or a parameter of the machine, such as "damping"
     span : the range of the parameter
     between : the range of launch speeds
-    inject : the injection, where that is not the parameter
-    samples : number of launches in the grid that is searched for fixed points, as in `ReturnMap.fixed_points`
-    sections : number of values of the parameter at which they are searched, by default 9, or 3 from `starts`; a closed
-        curve of fixed points between two of these values is not found
+    inject : the injection, if it is not the parameter
+    samples : number of launches in the search grid, as in `ReturnMap.fixed_points`
+    sections : number of values of the parameter at which fixed points are searched, by default 9, or 3 from `starts`; a
+        closed curve of fixed points between two of these values is not found
     attractor : number of values of the parameter at which the attractor is computed; by default 400 along the
-        injection, where all are mapped together, and none along other parameters, where this takes longer
+        injection, where all are mapped together, and 0 along other parameters, where this takes longer
     cap : number of impacts in one hop after which its computation is ended
-    starts : for a machine whose launch has d > 1 numbers, launches or lossless orbits near which fixed points are
-        searched for at each section by Newton's method, or `ReturningHops` of a period
-    periods : of the hops that are searched for, all of each period at each section, see `ReturnMap.periodic_hops`
-    doublings : how many times hops of twice the period are followed from flips: 1 for those of period two from flips of
-        fixed points, 2 for those of period four from flips of these, and so on. With 1 or more, hops of period two are
-        also searched for at each section where fixed points are, since their flips may lie outside of the ranges
+    starts : for a machine whose launch has d > 1 numbers, launches or lossless orbits near which Newton's method
+        searches fixed points at each section, or `ReturningHops` of a period
+    periods : the periods of the hops to search, all hops of each period at each section, see `ReturnMap.periodic_hops`
+    doublings : how often to follow hops of twice the period from flips: 1 for period two from flips of fixed points, 2
+        also for period four from flips of these, and so on. With 1 or more, hops of period two are also searched at
+        each section, since their flips may lie outside the ranges
     progress : called with the completed share
 
     Launch speeds and the injection are in the machine's units. Folds and flips are located to some 1e-11 of the range,
-    in addition to the error of the map. A branch ends where the map is not continuous, as its `End` says. Raises
-    `InputError` for an invalid range or name, and where every fixed point is a lossless hop, which `follow` follows.
+    in addition to the error of the map. A branch ends where the map is not continuous; its `End` says so. Raises
+    `InputError` for an invalid range or name, and if every fixed point is a lossless hop, for which there is `follow`.
     """
     low, high = range_of("span", span)
     slow, fast = range_of("between", between)
     if slow <= 0 and machine.model.one_speed:
-        raise InputError(f"between = {between!r}; launch speeds are above 0")
+        raise InputError(f"between = {between!r}; launch speeds must be above 0")
     several = not machine.model.one_speed
     default = SECTIONS_OF_STARTS if several else SECTIONS
     sections = whole_number("sections", default if sections is None else sections, "values of the parameter", 2)
     maps = MapsAlong(machine, along, low, high, finite_number("inject", inject), cap)
     if along in RESERVED_IN_DIAGRAMS:
-        raise InputError(f"a parameter called '{along}' has the name of a column of diagrams; give it another name")
+        raise InputError(f"a parameter called '{along}' has the name of a column of diagrams; rename it")
     if along == INJECT and inject != 0:
-        raise InputError(f"inject = {inject:g} beside a range of it: the range says it all")
+        raise InputError(f"inject = {inject:g}, but the range already states inject: leave it out")
     for end in (low, high):
         maps.at(end)  # an impossible machine is refused before the search
     values = np.linspace(low, high, sections).tolist()
     if along != INJECT and all(maps.lossless(value) for value in values):
-        raise InputError("every fixed point is a lossless hop here: follow them with `follow`, or give an injection")
+        raise InputError("every fixed point here is a lossless hop: follow them with `follow`, or give an injection")
     if not is_list(periods):
-        raise InputError(f"periods = {periods!r}; it is a list of numbers of hops, as ({periods!r},)")
+        raise InputError(f"periods = {periods!r}; it must be a list of numbers of hops, as ({periods!r},)")
     wanted = sorted({whole_number("periods", period, "hops") for period in periods})
     doublings = whole_number("doublings", doublings, "doublings", 0)
     own: dict[str, Any] = {"inject": maps.inject, "source": machine}
     about = along, (low, high), (slow, fast), machine_in_words(machine)
     if several and (wanted != [1] or doublings > 1):
         raise InputError(
-            f"periods = {tuple(wanted)}, doublings = {doublings}: all hops of a period are found where a launch is a "
-            "speed; give starts=[...] of that period"
+            f"periods = {tuple(wanted)}, doublings = {doublings}: hops of other periods are searched only where a "
+            "launch is one speed; give starts=[...] of that period"
         )
     if several:
         listed = _checked_starts(maps, starts, attractor)
@@ -127,7 +127,7 @@ def bifurcations(
         return BifurcationDiagram(*about, tuple(search.branches), search.located(), visits, units=maps.units, **own)
     if starts is not None:
         raise InputError(
-            "starts: where a launch is a speed, fixed points are searched for in all of the range: leave them out"
+            "starts: where a launch is a speed, fixed points are searched in the whole range: leave starts out"
         )
     count = ATTRACTOR.values if along == INJECT else 0
     count = count if attractor is None else whole_number("attractor", attractor, "", 0, ATTRACTOR.most)
@@ -147,13 +147,13 @@ def _checked_starts(maps: MapsAlong, starts: Any, attractor: int | None) -> list
     """The starts of a search for hops from launches of several numbers in a list; raises `InputError` without any."""
     if starts is None:
         raise InputError(
-            f"a launch of a {maps.machine.model.name} has {len(maps.at(maps.low).names)} numbers, which no grid covers:"
-            " give starts=[...], lossless orbits or periodic hops"
+            f"a launch of a {maps.machine.model.name} has {len(maps.at(maps.low).names)} numbers, too many for a"
+            " grid: give starts=[...], lossless orbits or periodic hops"
         )
     if attractor:
         raise InputError(
-            f"attractor = {attractor}: the attractor is searched for where a launch is a speed; of launches of several "
-            "numbers call the ReturnMap again and again"
+            f"attractor = {attractor}: the attractor is searched only where a launch is one speed; with several "
+            "numbers, iterate the ReturnMap instead"
         )
     return listed_starts(starts)
 
@@ -178,8 +178,8 @@ class _Search:
 
     def periodic(self, period: int, depth: int = 0) -> None:
         """Follow the hops of a period that are found in a section and lie on no branch yet, this many doublings away
-        from those that were searched for. Along the injection the branches of fixed points that begin at lossless hops
-        come first."""
+        from the searched hops. Along the injection the branches of fixed points that begin at lossless hops come
+        first."""
         tracer = self._tracer(period)
         for alpha in self._lossless() if period == 1 else []:
             self._store(1, tracer.lossless(alpha))
@@ -208,7 +208,7 @@ class _Search:
             tracer = self._tracer(hops.period)
             self._follow(tracer, hops.period, hops.launches, value, depth=0 if hops.period == 1 else 1)
         if not self.branches:
-            raise NoOrbit(f"the starts lead to no hops that come back: {refused}")
+            raise NoOrbit(f"no start leads to hops that come back: {refused}")
         self.doubled(1)
         self._report(1.0)
 
@@ -267,7 +267,7 @@ class _Search:
 
     def doubled(self, doublings: int) -> None:
         """Follow the hops of twice the period from each flip that was found since the last time, on branches that are
-        fewer doublings away from those that were searched for."""
+        fewer doublings away from the searched hops."""
         new, self._followed = self.events[self._followed :], len(self.events)
         new = [(branch, event) for branch, event in new if self._depths[branch] < doublings]
         ended = list[PeriodicLaunch]()
@@ -341,7 +341,7 @@ class _Search:
             return f"a pair of multipliers exp(+-i {angle:.9g}) crosses the unit circle"
         if event.point.border:
             before, behind = event.point.sides
-            slopes = f"multipliers {before:.6g} and {behind:.6g} beside it"
+            slopes = f"multipliers {before:.6g} and {behind:.6g} near it"
             return f"{BORDERS_IN_WORDS[event.point.border]}; the hops {RUN_ON[event.kind]}, {slopes}"
         if event.kind == "fold" and self.maps.lossless(event.point.value):
             return "the lossless hop"

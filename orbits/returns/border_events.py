@@ -1,8 +1,8 @@
 """What happens to a branch of periodic launches at borders of the map.
 
-The map is smooth only in pieces. Where the number of impacts changes, the map may jump, which ends a branch. Where its
-slope alone jumps, the curve has a corner, behind which it is found again at a launch speed beyond the border. Where the
-slope is the same on both sides, the curve goes on and a border is an event.
+The map is smooth only in pieces. Where the number of impacts changes, the map may jump, which ends a branch. Where only
+its slope jumps, the curve has a corner, and is found again at a launch speed beyond the border. Where the slope is the
+same on both sides, the curve continues and the border is an event.
 """
 
 from collections.abc import Iterator
@@ -51,8 +51,8 @@ class BordersOfCurve:
         self.curve, self.maps, self.scale, self.options = curve, curve.maps, curve.scale, options
 
     def in_order(self, before: PeriodicLaunch, behind: PeriodicLaunch, found: list[Event]) -> Iterator[Event]:
-        """The events between two neighbouring points in order: those that are found, and those at which a launch passes
-        a border, in place of the same found less exactly."""
+        """The events between two neighbouring points in order: the found ones, and those at which a launch passes a
+        border, in place of the same found less exactly."""
         borders = [] if before.impacts == behind.impacts else self._passed(before, behind)
         if borders:
             found = [*(event for event in found if event.kind not in COLLISIONS), *borders]
@@ -157,7 +157,7 @@ class BordersOfCurve:
             if distance(before, behind) <= 4 * size / 2**self.options.halvings:
                 return None
         place, counts = place_in_words(self.maps, before), (" and ".join(map(str, x.impacts)) for x in (before, behind))
-        return before, f"the map jumps near {place}: {next(counts)} impacts in a hop, {next(counts)} behind"
+        return before, f"the map jumps near {place}: from {next(counts)} impacts in a hop to {next(counts)}"
 
     def _jumps(self, before: PeriodicLaunch, behind: PeriodicLaunch) -> bool:
         """Whether a border where the map is not continuous lies between the launches of two points."""
@@ -173,7 +173,7 @@ class BordersOfCurve:
         if not any((sides[0] - level) * (sides[1] - level) < 0 for level in MULTIPLIER_AT.values()):
             return []
         share, _ = solve(np.column_stack([a.tangent, -b.tangent]), b.place - a.place)
-        if abs(share) <= 2.0 * LAUNCH_CURVE.around:  # else the tangents turn beside the corner
+        if abs(share) <= 2.0 * LAUNCH_CURVE.around:  # else the tangents turn near the corner
             place = a.place + share * a.tangent
             alpha, value = (place * self.scale).tolist()
             a = replace(a, value=value, alphas=(alpha, *a.alphas[1:]), place=place)

@@ -1,10 +1,10 @@
-"""What launches of a return map come to: hops that attract, or their end, by preimages of the intervals that trap them.
+"""What launches of a return map come to, attracting hops or an end, by preimages of the intervals that trap them.
 
-A trap is a set of launch speeds that no launch leaves again, and in which all come to the same: an interval beside an
+A trap is a set of launch speeds that no launch leaves again, and in which all come to the same: an interval next to an
 attracting hop in which the map contracts towards it, or that above a lossless hop, through which launches come down to
 it; launches without a next one; and an interval that the map takes into itself around a chaotic motion. The launches
-that enter a trap after n hops are the preimages of those that enter it after n - 1: intervals on each monotone branch
-of the map, which do not overlap. What no interval has after a number of hops is undecided.
+that enter a trap after n hops are the preimages of the launches that enter it after n - 1: intervals on each monotone
+branch of the map, which do not overlap. Launches in no interval after a number of hops are undecided.
 """
 
 from collections.abc import Callable, Iterable, Sequence
@@ -75,10 +75,10 @@ DESTINATIONS = DestinationOptions()
 class Destination:
     """What launches come to.
 
-    kind : "lossless" or "stable", a hop; "chaotic", or a period longer than those that were searched for; "slower"
-        than all lossless hops in the range, or than the speeds at which the map is known; "faster" than these, also
-        where hops lose nothing and only gain; "itself" where they do neither, so that each launch comes back;
-        "undecided"; or the statuses of launches that have no next one, as "rests"
+    kind : "lossless" or "stable", a hop; "chaotic", or a period longer than the searched ones; "slower" than all
+        lossless hops in the range, or than the speeds at which the map is known; "faster" than these, also where hops
+        lose nothing and only gain; "itself" where they do neither, so that each launch comes back; "undecided"; or the
+        status of launches without a next one, such as "rests"
     intervals : of the launch speeds that come to it, ascending
     launches : the launch speeds of a hop, the smallest first; the lowest and highest one of a chaotic motion
     multiplier : of a stable hop, else None
@@ -295,7 +295,7 @@ def preimages_of_traps(
     traps, first = [own for own, _ in grown], np.array([count for _, count in grown])
     pairs = [(a, b, i) for i, own in enumerate(traps) for a, b in own]
     outside = _without(branches, [(a, b) for a, b, _ in pairs])
-    # Intervals, the trap of each and the hops to it: all that are known, and those that wait to be pulled back.
+    # Intervals, the trap of each and the hops to it: all known ones, and the ones that wait to be pulled back.
     of = np.array([pair[2] for pair in pairs])
     new = np.array([pair[:2] for pair in pairs]), of, first[of]
     waiting: tuple[np.ndarray, ...] = new
@@ -335,8 +335,8 @@ def _before(branches: MonotoneBranches, intervals: np.ndarray) -> tuple[np.ndarr
 
 
 def _grown(branches: MonotoneBranches, trap: Intervals, hops: int) -> tuple[Intervals, int]:
-    """A trap with the launches beside it, in the same interval, that enter it within a number of hops, and this number:
-    the immediate basin of a hop."""
+    """A trap with the launches next to it, in the same interval, that enter it within a number of hops, and this
+    number: the immediate basin of a hop."""
     within, most = (branches.pieces.low, branches.pieces.high), min(hops, DESTINATIONS.growths)
     for count in range(most):
         beside, _ = _before(branches, np.array(trap))
@@ -367,8 +367,8 @@ def _without(branches: MonotoneBranches, traps: Sequence[tuple[float, float]]) -
 
 
 def _joined(ends: np.ndarray, trap: np.ndarray, hops: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Intervals (m, 2) that do not overlap, each with the number of its trap (m,) and the hops to it (m,), those that
-    touch as one."""
+    """Intervals (m, 2) that do not overlap, each with the number of its trap (m,) and the hops to it (m,), with
+    touching intervals joined."""
     if not len(ends):
         return ends, trap, hops
     order = np.argsort(ends[:, 0])

@@ -29,10 +29,11 @@ class Branch:
     period : the number of hops
     values : of the parameter (n,), in order along the curve, which may turn round
     alphas : launch speeds (n, period) of the hops
-    multipliers : of the hops (n,), NaN where they have none. Where a launch has d numbers, that of largest modulus, of
-        complex ones the modulus
+    multipliers : of the hops (n,), NaN where they have none. Where a launch has d numbers, the multiplier of largest
+        modulus; if it is complex, its modulus
     ends : at the first and the last point
-    names, launches : the d numbers of a launch, and the launches (n, period, d); none where a launch is a speed
+    names, launches : the names of the d numbers of a launch, and the launches (n, period, d); empty where a launch is a
+        speed
     spectra : (n, d, 2), the real and imaginary parts of all multipliers there
     """
 
@@ -47,7 +48,9 @@ class Branch:
 
     def __post_init__(self) -> None:
         if not len(self.values) == len(self.alphas) == len(self.multipliers) > 0:
-            raise ValueError("a branch has as many values, launch speeds and multipliers, and at least one")
+            raise ValueError(
+                "a branch must have the same number of values, launch speeds and multipliers, and at least one"
+            )
 
     def __len__(self) -> int:
         return len(self.values)
@@ -58,20 +61,19 @@ class Branch:
 
     @property
     def stable(self) -> list[bool | None]:
-        """Whether the hops (n,) attract their neighbours: the absolute value of the multiplier is below 1. None where
-        there is no multiplier, and stability is not known."""
+        """Whether the hops (n,) attract their neighbours, that is, whether the absolute value of the multiplier is
+        below 1; None without a multiplier, where stability is not known."""
         return [_settles(each) for each in self.multipliers.tolist()]
 
     def stretches(self) -> list[tuple[float, float, bool | None]]:
-        """The parts of the curve, in order, each from one value of the parameter to another, and whether it is
-        stable, None where that is not known. One part ends and the next begins at a bifurcation, which is a point of
-        the curve."""
+        """The parts of the curve, in order: each from one value of the parameter to another, and whether it is stable,
+        None if not known. Parts meet at a bifurcation, which is a point of the curve."""
         return [(float(self.values[a]), float(self.values[b]), stable) for a, b, stable in self.parts()]
 
     def parts(self) -> list[tuple[int, int, bool | None]]:
         """The `stretches` by the indices of their first and their last point."""
         before, behind = self.multipliers[:-1], self.multipliers[1:]
-        # A bifurcation, with 1, -1 or no multiplier, has the stability of the points beside it.
+        # A bifurcation, with 1, -1 or no multiplier, has the stability of the points next to it.
         between = np.where(np.isnan(before), behind, np.where(np.isnan(behind), before, 0.5 * (before + behind)))
         stable = [_settles(each) for each in between.tolist()]
         cuts = [0, *(i for i in range(1, len(stable)) if stable[i] != stable[i - 1]), len(self) - 1]
@@ -87,9 +89,9 @@ class BifurcationDiagram(Result, what="bifurcation diagram"):
     between : the range of launch speeds
     machine : in words and numbers
     branches, events : the curves, and the bifurcations on them, ascending in the parameter
-    visits : (k, 2), values of the parameter and launch speeds of the attractor there
+    visits : (k, 2), values of the parameter, and launch speeds of the attractor there
     units : of launch speeds and parameters, by name; empty for a dimensionless machine
-    inject : the injection, where that is not the parameter
+    inject : the injection, if it is not the parameter
     source : the machine; None for a diagram from a file
     """
 
@@ -168,19 +170,19 @@ class BifurcationDiagram(Result, what="bifurcation diagram"):
         machine: Machine | None = None, at: Sequence[float] = Options.at, longest: float = Options.longest,
         most: int = Options.most, step_control: StepControl = Options.step_control, output: str | Path | None = None,
     ) -> BifurcationCurve:  # fmt: skip
-        """Follow a flip, a fold or a border collision of the diagram as a second parameter goes to `stop`: a curve in
-        two parameters.
+        """Follow a flip, a fold or a border collision of the diagram as a second parameter goes to `stop`; returns a
+        curve in two parameters.
 
-        event : one of the `events`, or the kind of the first of them
+        event : one of the `events`, or a kind, for the first event of this kind
         second : name of the second parameter, "inject" or one of the machine
-        stop : its last value, or the pair of a bound behind its first value and the last one
-        machine : that of the diagram, needed for a diagram from a file
+        stop : its last value, or a pair: a bound behind the first value, and the last value
+        machine : of the diagram, needed for a diagram from a file
         at, longest, most, step_control : as in `orbits.follow`
         output : a file to which the curve is saved
 
-        The equations of the hops are solved with those of the bifurcation, with exact derivatives. The curve ends where
-        the hops have other numbers of impacts from there on. Raises `InputError` for an event that is none of these,
-        where the pieces of a law move with the first parameter, and where the machine has a restitution.
+        The equations of the hops and of the bifurcation are solved together, with exact derivatives. The curve ends
+        where the numbers of impacts of the hops change. Raises `InputError` for another kind of event, where the pieces
+        of a law move with the first parameter, and for a machine with a restitution.
 
         >>> from orbits import bifurcations
         >>> from problems import Hopper
@@ -190,7 +192,7 @@ class BifurcationDiagram(Result, what="bifurcation diagram"):
         [0.071587, 0.073369]
         """
         if (machine := self.source if machine is None else machine) is None:
-            raise InputError("a diagram from a file does not hold its machine: name it, machine=")
+            raise InputError("a diagram from a file does not hold its machine: pass it as machine=")
         if isinstance(event, str):
             kinds = {each.kind: each for each in reversed(self.events)}
             if event not in kinds:

@@ -46,7 +46,8 @@ class SameEvent(NamedTuple):
     share : a solved one lies at most this far from where a diagram has it, as a share of the parameter, which is
         located to some 1e-11; and a turn so far from the end of a curve is another place
     near_border : the border condition that vanishes is the one that does so to this share of the largest launch speed
-    cusp : the share of the first parameter in the tangent, which vanishes at a cusp beside that of the second one
+    cusp : the share of the first parameter in the tangent, which vanishes at a cusp compared with that of the second
+        one
     slow : the first landing of a lossless hop is slower than this share of the launch speed, by rounding
     force : a contact force below this, where 1 lifts the foot, vanishes near a lossless hop
     """
@@ -150,12 +151,12 @@ class EventCurve(HopProblem):
 
     def changed(self, event: Event, passed: Sequence[Points]) -> End:
         slack = self.slacks[self.others[int(np.argmin(event.point.own[0]))]]
-        return End("border", f"{in_words(slack)}: the hops have other impacts from there on")
+        return End("border", f"{in_words(slack)}: from there on the hops have other impacts")
 
     def lost(self, lane: int, passed: Sequence[Points], error: object) -> End:
         where = f"at {self.second} = {passed[-1].values[-1]:.10g}"
         if isinstance(error, InputError):
-            return End("degenerate", f"there is no such machine any more {where}: {error}")
+            return End("degenerate", f"the machine ceases to exist {where}: {error}")
         return End("stuck", f"{where}: {error}")
 
 
@@ -193,7 +194,7 @@ def follow_bifurcation(
     first = _bifurcation_near(curve, x, stop - start, steps)
     if abs(first.xs[0, -2] - event.value) > SAME.share * max(abs(event.value), curve.least):
         nearest = f"the nearest one is at {first.xs[0, -2]:.9g}"
-        raise NoOrbit(f"{along} = {event.value:.9g} is no {event.kind}: {nearest}")
+        raise NoOrbit(f"{along} = {event.value:.9g} is not a {event.kind}: {nearest}")
     blocks, events, end = list[np.ndarray](), list[PlaceOnCurve](), End("stopped")
     for item in Run(curve, first, stop, behind=behind, at=options.at, options=steps):
         if isinstance(item, Points):
@@ -256,23 +257,23 @@ def _check_event(machine: Machine, along: str, event: Bifurcation, second: str) 
     """Raise `InputError` where a bifurcation cannot be followed along a second parameter."""
     model = machine.model
     if not isinstance(event, Bifurcation):
-        raise InputError(f"event = {event!r}; it is one of the `events` of a diagram")
+        raise InputError(f"event = {event!r}; it must be one of the `events` of a diagram")
     if not model.one_speed or not model.plain or model.hysteretic:
-        other = "steps" if model.one_speed else "has a launch of several numbers"
+        other = "steps" if model.one_speed else "has launches of several numbers"
         what = "has hysteresis" if model.hysteretic else other
-        raise InputError(f"a {model.name} {what}: bifurcations are followed where a launch is a speed alone")
+        raise InputError(f"a {model.name} {what}: bifurcations can be followed only where a launch is one speed")
     if event.kind not in (*MULTIPLIER_AT, *COLLISIONS):
         have = ", ".join((*MULTIPLIER_AT, *COLLISIONS))
-        raise InputError(f"a {event.kind} has no curve in two parameters here: {have} have")
+        raise InputError(f"a {event.kind} has no curve in two parameters here; {have} have one")
     known = [name for name in parameters_of_maps(machine) if name not in (along, RESTITUTION)]
     if second and second not in known:
-        raise InputError(f"second = '{second}'; {event.kind}s in {along} are followed along {', '.join(known)}")
+        raise InputError(f"second = '{second}'; a {event.kind} in {along} can be followed along {', '.join(known)}")
     if along == RESTITUTION or cast(Any, machine).restitution > 0:
         raise InputError(
-            "with a restitution a hop has infinitely many impacts: bifurcations are followed where it is 0"
+            "with a restitution a hop has infinitely many impacts: bifurcations can be followed only with restitution 0"
         )
     if second and second not in (INJECT, *machine.values):
-        raise InputError(f"second = '{second}': the machine has none to begin with; give it a small one")
+        raise InputError(f"second = '{second}': its value in the machine is 0; give it a small one")
 
 
 class _Hops:

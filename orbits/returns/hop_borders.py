@@ -1,4 +1,4 @@
-"""Which word follows where a slack of hops that return vanishes: one impact more or less, or none.
+"""The word that follows where a slack of returning hops vanishes: with one impact more or less, or no word.
 
 the force after the last impact : where the foot then presses more and more, the hop gets one impact more, whose
     flight has no duration at first; where it moves away, the map jumps. Where it lands without speed, the hop is
@@ -39,7 +39,7 @@ def beyond(curve: HopCurve, point: Points, slack: Slack) -> Start | End | None:
     except NoOrbit as error:
         return End("stuck", f"{error}")
     if slack.kind == REST:
-        return End("no launch", f"a hop has no next launch any more: {STATUSES['rests']}")
+        return End("no launch", f"a hop has no next launch from here on: {STATUSES['rests']}")
     return End("jump", "")
 
 
@@ -143,6 +143,6 @@ def _event(kind: str, point: Points, launch: PeriodicLaunch) -> tuple[str, Point
 
 
 def kind_of_border(sides: tuple[float, ...]) -> str:
-    """The kind of a collision with a border by the multipliers on both sides: the launches go on in the parameter, or
-    turn round where one multiplier is above 1 and one below."""
+    """The kind of a collision with a border by the multipliers on both sides: the launches continue in the parameter,
+    or turn round where one multiplier is above 1 and one below."""
     return COLLISION if (sides[0] - 1) * (sides[1] - 1) > 0 else NON_SMOOTH_FOLD

@@ -1,8 +1,8 @@
 """Hops that return as curves in all of their unknowns and a parameter: a problem of `orbits.curves` for each word.
 
-The unknowns are those of each hop in turn, and the equations those of `hop_statement`, of which the last ones of a hop
-are that the next launch, with the injection, is that of the hop behind it. A lossless hop is a regular point. Where a
-slack of the word vanishes, the curve goes on as that of another word, or ends: see `hop_borders`.
+The unknowns are those of each hop in turn, and the equations those of `hop_statement`; the last ones of a hop state
+that the next launch, with the injection, is that of the hop behind it. A lossless hop is a regular point. Where a slack
+of the word vanishes, the curve continues as that of another word, or ends: see `hop_borders`.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -122,7 +122,7 @@ class HopCurve(HopProblem):
 
     def close(self, values: HopValues, bends: Array) -> None:
         """For an even period of launches that are speeds, divide what the last equation is more than that of the middle
-        of the hops by the difference of the launches, so that hops of half the period are no solutions but at a flip,
+        of the hops by the difference of the launches, so that hops of half the period are solutions only at a flip,
         through which the curve goes smoothly."""
         if self.period % 2 or self.d > 1:
             return
@@ -245,7 +245,7 @@ def turned(points: Points) -> Points:
 
 
 def of_matrix(i: int, problem: Problem, points: Points) -> Array:
-    """The `crossings` of one kind at points (m,); NaN where one is exactly 0, which is no event between points."""
+    """The `crossings` of one kind at points (m,); NaN where one is exactly 0, which is not an event between points."""
     values = np.array([crossings(each.matrix)[i] for each in points.own])
     return np.where(values == 0, np.nan, values)
 

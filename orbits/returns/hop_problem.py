@@ -67,7 +67,7 @@ class SameHops(NamedTuple):
     """The hops (h,) of a word with the same number of impacts.
 
     blocks, unknowns, columns : the places of their own unknowns (h, n), of those with the parameters that are unknowns
-        of their equations, and of these with those that vary
+        of their equations, and of these with the varied ones
     slacks, rows, signs : the places of their slacks (h, k), and the rows (k,) and signs (k,) of these
     """
 
@@ -253,7 +253,7 @@ class HopProblem(Problem):
 
 def _least(values: Array) -> Array:
     """The least values (...) of functions with these values (..., k) at the shares of an arc, by the parabolas through
-    three of them, which are exact beside a lossless hop."""
+    three of them, which are exact near a lossless hop."""
     widths, middle = np.diff(SHARES_OF_ARC), values[..., 1:-1]
     slopes = np.diff(values) / widths
     bend = np.diff(slopes) / (widths[1:] + widths[:-1])

@@ -1,7 +1,7 @@
 """Hops by their words, and the one statement of a hop as equations.
 
-A word is a sequence of hops, each a sequence of arcs: a flight up to each impact, after all of which but the last the
-machine leaves at once, and a contact. So the numbers of impacts of the hops are the word.
+A word is a sequence of hops, each a sequence of arcs: a flight up to each impact, where the machine leaves at once
+after all impacts but the last, and a contact. So the numbers of impacts of the hops are the word.
 
 The gap of a flight has a zero at its start, by which it is divided: (gap(T) - gap(0))/T**order, with the order 3 after
 a lift-off and 2 after a plastic impact that leaves at once. So hops that have a flight of no duration, where an impact

@@ -1,4 +1,4 @@
-"""Branches of hops that return along a parameter of the map: where they begin, what lies on them, and how they end.
+"""Branches of returning hops along a parameter of the map: where they begin, what lies on them, and how they end.
 
 Where the hops have a statement, a branch is followed as a `HopCurve` for each of its words; launches of several numbers
 without one as a `FlownCurve`. Launches that are speeds without one are followed in `branches`.
@@ -78,7 +78,7 @@ class Tracer:
         self.scale = np.array([between[1] - between[0], maps.high - maps.low])
 
     def start_beside_flip(self, flip: PeriodicLaunch) -> PeriodicLaunch:
-        """Hops of twice the period beside those whose multiplier is -1; raises `NoOrbit` where none are found."""
+        """Hops of twice the period near those whose multiplier is -1; raises `NoOrbit` where none are found."""
         half = len(flip.alphas)
         # The fixed point moves with the parameter too, possibly faster, so that there are hops on one side only.
         for step in (side * length for length in self.options.doubled for side in (1, -1)):
@@ -95,7 +95,7 @@ class Tracer:
             if beside and abs(first.place[1] - flip.place[1]) <= self.options.doubled_within * abs(step):
                 onward = first.tangent @ (first.place - flip.place) >= 0
                 return first if onward else self.reversed(first)
-        raise NoOrbit("no hops of twice the period are found beside the flip")
+        raise NoOrbit("no hops of twice the period are found near the flip")
 
     def launches_of(self, launch: PeriodicLaunch) -> np.ndarray:
         """The launches (period, d) at a point, in one unit."""
@@ -114,7 +114,7 @@ class Tracer:
         """The end of a branch whose launches become those of half the period between two points."""
         half = self.period // 2 * (1 - self.period % 2)
         if (last.alphas[half] - last.alphas[0]) * (launch.alphas[half] - launch.alphas[0]) < 0:
-            reason = f"its launches become those of half the period, at another flip of the {name_of_hops(half)}"
+            reason = f"its hops become hops of half the period, at another flip of the {name_of_hops(half)}"
             return End("flip", reason)
         return None
 
@@ -126,13 +126,13 @@ class Tracer:
         """The end of a branch whose hops amplify small changes too much."""
         if self.period > 2 and abs(launch.multiplier) > self.options.growth:
             growth = f"{launch.multiplier:.0e}-fold"
-            return End("stuck", f"small changes grow {growth} over the hops, and rounding decides")
+            return End("stuck", f"small changes grow {growth} over the hops, so rounding decides")
         return None
 
     def why_stuck(self, launch: PeriodicLaunch) -> End:
         """Why a curve cannot be followed further."""
         place = f"near {place_in_words(self.maps, launch)}"
-        lost = End("stuck", f"{place} the map is not smooth, and the curve is lost")
+        lost = End("stuck", f"{place} the map is not smooth, so the curve is lost")
         if not self.maps.one_speed:
             return lost
         away = LAUNCH_CURVE.around * launch.tangent * self.scale
@@ -141,7 +141,7 @@ class Tracer:
         reach = LAUNCH_CURVE.around * float(self.scale[0])
         for alpha in (speed, *launch.alphas[1:]):
             if (status := self.maps.status(alpha, value)) != "lifts_off":
-                return End("no launch", f"{place} a hop has no next launch any more: {STATUSES[status]}")
+                return End("no launch", f"{place} a hop has no next launch from here on: {STATUSES[status]}")
         for alpha in launch.alphas:
             if self.maps.jumps_between((alpha - reach, alpha + reach), value):
                 return End("jump", f"the map jumps {place}")

@@ -16,7 +16,7 @@ HOP_COLUMNS = ("alpha", "next", "loss", "impacts", "status")
 
 
 class WithStatuses:
-    """A table of launches, of which each has a `status`."""
+    """A table of launches; each has a `status`."""
 
     status: np.ndarray
 
@@ -46,10 +46,10 @@ class Hops(WithStatuses, Result, what="table of hops"):
     """The hops that begin with launches; each array has the shape of the launch speeds.
 
     alpha : launch speeds
-    next : launch speeds at the next lift-off, with the injection; NaN where there is none
-    loss : loss of alpha**2 in the hop, without the injection, or in its impacts where there is no next launch
+    next : launch speeds at the next lift-off, with the injection; NaN without a next launch
+    loss : loss of alpha**2 in the hop, without the injection; without a next launch, in its impacts
     impacts : number of impacts in the hop
-    status : "lifts_off", or why there is no next launch: a name of `orbits.hops.impacts.STATUSES`
+    status : "lifts_off", or why there is no next launch, a name of `orbits.hops.impacts.STATUSES`
     units : of the numbers, by name; empty for a dimensionless machine
     machine : in words and numbers
     """
@@ -63,7 +63,7 @@ class Hops(WithStatuses, Result, what="table of hops"):
     machine: Mapping[str, Any] = field(default_factory=dict)
 
     def injected(self, inject: Any) -> "Hops":
-        """Hops without injection after which a speed, or one for each, is added; those that then do not launch rest."""
+        """Hops without injection after which a speed, or one for each, is added; hops that then do not launch rest."""
         following = self.next + inject
         rests = following <= 0
         status = np.where(rests, "rests", self.status).astype(self.status.dtype)
@@ -98,8 +98,8 @@ class Upkeep:
     """What keeps a machine hopping with a launch speed.
 
     alpha : launch speed
-    inject : injection, in launch speed per hop, with which it is a fixed point of the return map
-    energy : energy that the injection adds in every hop: what the hop loses
+    inject : injection, in launch speed per hop, with which this launch speed is a fixed point of the return map
+    energy : energy that the injection adds in every hop, which equals the loss of the hop
     """
 
     alpha: float

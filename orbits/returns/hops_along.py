@@ -11,7 +11,7 @@ from ..units import LIFTOFF_SPEED
 from .flown_hops import flown_hops
 from .hop_statement import Array, HopEquations, Word, hop_equations
 
-INJECT = "inject"  # the parameter of maps beside those of the machine
+INJECT = "inject"  # the parameter of maps in addition to those of the machine
 DIFFERENCE = 1e-5  # of a parameter, relative, for the derivative of the unit of speed
 
 

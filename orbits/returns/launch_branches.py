@@ -20,7 +20,7 @@ from .periodic_launch import MULTIPLIER_AT, PeriodicLaunch
 
 
 class BranchCurve(LaunchCurve):
-    """The launches of a branch, which goes on behind corners of the map."""
+    """The launches of a branch, which continues behind corners of the map."""
 
     @cached_property
     def borders(self) -> BordersOfCurve:

@@ -31,7 +31,7 @@ class LaunchCurveOptions(NamedTuple):
     # Launches are on another sheet where their change differs from that of the rates by this share.
     other_sheet: float = 0.25
     around: float = 1e-6  # radius of the circle round a corner of the map, as a share of the ranges
-    # Share of the launch speed, for slopes across: as small as rounding allows, since beside lossless hops slopes
+    # Share of the launch speed, for slopes across: as small as rounding allows, since near lossless hops slopes
     # change with the cube root of the distance.
     step_across: float = 1e-9
     jump_of_slopes: float = 1e5  # a jump is between two launches where the slopes on both sides differ by more
@@ -63,7 +63,7 @@ class MapEquations(NamedTuple):
 
 def _above(level: float, problem: Problem, points: Points) -> np.ndarray:
     """The multipliers (m,) of points above a level, NaN where there are none, and at points exactly at the level, which
-    are no events between points."""
+    are not events between points."""
     excess = np.array([each.multiplier for each in points.own]) - level
     return np.where(excess == 0, np.nan, excess)
 

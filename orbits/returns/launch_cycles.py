@@ -76,7 +76,7 @@ class MapsAlong:
 
     machine : the machine; its own value of the parameter is ignored
     name : "inject", "restitution", or a parameter of the machine
-    low, high : the range of the parameter, outside of which no map is requested
+    low, high : the range of the parameter; maps are requested only inside it
     inject : injection of all maps, unless it is the parameter
 
     `pieces` are those of the map without injection, in the machine's units, where the injection is the parameter and

@@ -24,10 +24,10 @@ class LaunchHops(WithStatuses, Result, what="table of hops of launches"):
 
     names : of these numbers
     launches : (..., d)
-    next : (..., d), the launches at the next lift-off, with the injection; NaN where there is none
+    next : (..., d), the launches at the next lift-off, with the injection; NaN without a next launch
     loss : (...), the loss of energy in the impacts of the hop
     impacts : (...), the number of impacts in the hop
-    status : (...), "lifts_off", or why there is no next launch: a name of `orbits.hops.impacts.STATUSES`
+    status : (...), "lifts_off", or why there is no next launch, a name of `orbits.hops.impacts.STATUSES`
     units : of the numbers of a launch and of the loss, by name; empty for a dimensionless machine
     machine : in words and numbers
     """
@@ -49,13 +49,14 @@ class LaunchHops(WithStatuses, Result, what="table of hops of launches"):
         yield from self.rows_of_statuses({"loss": self.loss})
 
     def table(self) -> dict[str, np.ndarray]:
-        """One row for each launch: its numbers, those of the next one, the loss, the impacts and the status."""
+        """One row for each launch: its numbers, the numbers of the next launch, the loss, the impacts and the
+        status."""
         own = {name: self.launches[..., i].ravel() for i, name in enumerate(self.names)}
         following = {f"next {name}": self.next[..., i].ravel() for i, name in enumerate(self.names)}
         return own | following | {name: np.ravel(getattr(self, name)) for name in ("loss", "impacts", "status")}
 
     def plot(self, axes: Axes | None = None) -> Axes:
-        """Plot the numbers of the next launches against those of the launches; returns the axes."""
+        """Plot the numbers of the next launches against the numbers of the launches; returns the axes."""
         return shown("launch_figures").plot_launch_hops(self, axes)
 
     def document(self) -> Document:
@@ -67,7 +68,7 @@ class LaunchHops(WithStatuses, Result, what="table of hops of launches"):
 def hops_of_launches(machine: Machine, section: LaunchSection, launch: Any, inject: float, cap: int) -> LaunchHops:
     """The hops from launches, as `LaunchSection.parsed` takes them, with an injection without dimension.
 
-    Raises `InputError` for a single launch that is none.
+    Raises `InputError` for a single launch that is invalid.
     """
     launches, guess = section.parsed(launch)
     shape, d = launches.shape[:-1], launches.shape[-1]
@@ -79,7 +80,7 @@ def hops_of_launches(machine: Machine, section: LaunchSection, launch: Any, inje
     usable &= np.isfinite(ys).all(1)
     if not shape and not usable[0]:
         raise InputError(
-            f"launch = {launches.tolist()} is none: the contact force vanishes at no '{section.dependent}'"
+            f"launch = {launches.tolist()} is not a launch: the contact force vanishes at no '{section.dependent}'"
         )
     states = ys @ section.impacts.model.embed.T
     if not shape:

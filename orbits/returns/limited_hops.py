@@ -1,4 +1,5 @@
-"""Hops of a map that is resolved, followed with a limited effort, and whether they are away from the identity line."""
+"""Hops of a map while it is resolved, followed with limited effort, and whether they are away from the identity
+line."""
 
 from collections.abc import Callable, Sequence
 from typing import NamedTuple
@@ -21,10 +22,10 @@ class Resolution(NamedTuple):
     rounded : share by which a hop that is integrated rounds at most; there the coefficients have come to rest
     resting : factor between coefficients that have come to rest at one size
     nearly : share with which a cell is accepted that cannot be halved any more and holds no border
-    rounded_loss : what the loss beside a lossless launch makes of its speed may be rounding up to this share
+    rounded_loss : what the loss near a lossless launch makes of its speed may be rounding up to this share
     last, before_last : numbers of coefficients that are compared with these shares, and that rest
     shortest : cells shorter than this share of the range are not halved
-    probed, root_like, unchanged : the power at a border is seen within this share of the piece beside it; the ratio of
+    probed, root_like, unchanged : the power at a border is seen within this share of the piece next to it; the ratio of
         changes over lengths 1:4 is 1/4 for a smooth function and 1/2 for a square root; a smaller share of change shows
         no power
     crowded : borders between neighbouring launches of a row, as a share of these, that are very many

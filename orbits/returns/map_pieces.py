@@ -25,7 +25,7 @@ from numpy.typing import ArrayLike
 
 # (lowest, highest) of each interval, ascending.
 Intervals = list[tuple[float, float]]
-OF_LOSSLESS = 3  # the power beside lossless launches
+OF_LOSSLESS = 3  # the power near lossless launches
 LAUNCHES_BESIDE = np.array([10, 15, 6, 1]) / 32  # u^3 in Chebyshev polynomials of 2 u - 1
 SPEEDS_OF_PIECES = ("low", "high", "origin", "reach", "edges", "coefficients", "errors")
 CONTINUOUS = ("lossless", "graze", "bounce")  # the kinds of borders at which the map does not jump
@@ -63,8 +63,8 @@ class MapPieces:
     borders : between its pieces, ascending
     origin, reach, power : (m,), of the cells: the launch speed is origin + reach u^power for u in [0, 1]
     edges : (m, 2), their lowest and highest launch speeds, ascending
-    coefficients : (m, n), of the map in Chebyshev polynomials of 2 u - 1; in cells beside a lossless launch, with power
-        3, of the fall of the launch speed, which vanishes there with all its digits
+    coefficients : (m, n), of the map in Chebyshev polynomials of 2 u - 1; in cells next to a lossless launch, with
+        power 3, of the fall of the launch speed, which vanishes there with all its digits
     errors : (m,), how far the polynomials are from the map
     impacts : (m,), in each hop
     pieces : (m,), the number of the piece of each cell, ascending
@@ -187,7 +187,7 @@ def polynomials(u: np.ndarray, count: int) -> np.ndarray:
 
 
 def without_seams(intervals: Sequence[tuple[float, float]]) -> Intervals:
-    """Intervals in order, those that touch or overlap as one."""
+    """Intervals in order, with touching or overlapping ones joined."""
     found = Intervals()
     for a, b in sorted(intervals):
         if found and a <= found[-1][1] * (1 + PIECES.same_edge):

@@ -26,13 +26,13 @@ class PeriodicOptions(NamedTuple):
     polishes: int = 6  # steps on all launches of a cycle of the map together
     same_cycle: float = 1e-9  # cycles of the map that agree up to this share of the launch speed are one
     rounding: float = 4e-15  # share by which the map rounds a launch speed
-    steepest: float = 1e12  # slope that replaces that of a steeper map, as beside a graze
+    steepest: float = 1e12  # slope that replaces that of a steeper map, as near a graze
 
 
 PERIODIC = PeriodicOptions()
 NOT_LOSSLESS = (
-    "without injection or damping the hops that come back are lossless, and no others: find them with `find` or "
-    "`find_all`, and start from their orbits"
+    "without injection or damping only lossless hops come back: find them with `find` or `find_all`, and start from "
+    "their orbits"
 )
 
 
@@ -56,7 +56,7 @@ def periodic_hop(
     free = section.free(found.launches)
     for shorter in (k for k in range(1, period) if period % k == 0):
         if np.abs(free[shorter] - free[0]).max() <= PERIODIC.same * (1 + np.abs(free[0]).max()):
-            raise NoOrbit(f"from this launch Newton's method comes to hops of period {shorter}: start elsewhere")
+            raise NoOrbit(f"from this launch Newton's method reaches hops of period {shorter}: start elsewhere")
     own, separation = found.as_result(machine), None
     if machine.model.separation(machine.values) is not None:
         u = {name: x * _unit_of(section, name) for name, x in section.unknowns_of(found.launches[0]).items()}
@@ -69,10 +69,10 @@ def periodic_hop(
 
 
 def _beside_lossless(section: LaunchSection, y: np.ndarray, loss: EnergyLoss, inject: float, below: bool) -> np.ndarray:
-    """The launch (k,) beside a lossless one that loses about as much as the injection adds."""
+    """The launch (k,) near a lossless one that loses about as much as the injection adds."""
     added = float(loss.powers[section.names.index("alpha")]) * inject
     if not added > 0:
-        text = "inject = {inject:g} takes energy away here: hops beside the lossless one do not come back"
+        text = "inject = {inject:g} removes energy here: hops near the lossless one do not come back"
         raise NoOrbit(Message(text, inject=Quantity(inject, LIFTOFF_SPEED)))
     c = loss.coefficients[below]
     launch = section.free(y) + (-1 if below else 1) * (added / c) ** 0.75 * loss.direction
@@ -112,7 +112,7 @@ def returning_hops(section: LaunchSection, found: HopsDerivative, inject: float)
             raise NoOrbit(Message(text, launch=launch, period=period, share=distance))
         found, distance = nearer, _distance(nearer)
     if distance > PERIODIC.rounded_return:
-        raise NoOrbit(f"Newton's method did not settle in {PERIODIC.steps} steps: start nearer to the hops")
+        raise NoOrbit(f"Newton's method did not converge in {PERIODIC.steps} steps: start nearer to the hops")
     return found
 
 
@@ -135,11 +135,11 @@ def _distance(found: HopsDerivative) -> float:
 
 def listed_starts(starts: Any) -> list[Any]:
     """Starts in a list; a single one may be an orbit, its file, a periodic hop or a mapping. Raises `InputError` for an
-    empty list, and for what is no list."""
+    empty list, and for anything but a list."""
     single = isinstance(starts, Result | Mapping | str | Path)
     found = [starts] if single else list(starts) if np.iterable(starts) else []
     if not found:
-        raise InputError(f"starts = {starts!r}; give launches, lossless orbits or periodic hops in a list")
+        raise InputError(f"starts = {starts!r}; it must be a list of launches, lossless orbits or periodic hops")
     return found
 
 

@@ -54,12 +54,12 @@ class PeriodicHops(Result, Sequence[ReturningHops], what="periodic hops", dimens
     period : the number of hops after which a launch comes back, and not before
     low, high, inject : the range of launch speeds, and the injection of the map
     cycles : the hops
-    branches : the monotone branches of the map, ascending, to which the itineraries refer; for period one those parts
-        that may touch the identity line
+    branches : the monotone branches of the map, ascending, to which the itineraries refer; for period one only the
+        parts that may touch the identity line
     itineraries : how many itineraries belong to launches
     error_of_map : how far the polynomials that represent the map in the search are from it
-    unresolved : intervals of launch speeds in which the map is not resolved, as where its borders accumulate after many
-        bounces, or the search has ended as hops have very many impacts. The hops are all that there are but for those
+    unresolved : intervals of launch speeds in which the map is not resolved, since its borders accumulate after many
+        bounces, or since the search ended because hops have very many impacts. The hops are complete except for those
         with a launch in one of these
     """
 
@@ -130,22 +130,22 @@ class PeriodicHops(Result, Sequence[ReturningHops], what="periodic hops", dimens
         )
         if self.period == 1:
             searched = (
-                f"all {len(self.branches)} monotone parts near the identity line, by launches on a grid, were searched"
+                f"all {len(self.branches)} monotone parts near the identity line were searched, by launches on a grid"
             )
         error = f"{self.error_of_map:.1g}{unit}"
-        notes = [f"complete for polynomials that differ from the map by {error} where they are compared: {searched}"]
+        notes = [f"complete for polynomials whose largest compared difference from the map is {error}: {searched}"]
         if not self.branches:
-            none = "complete: no launch has a next one there, or hops lose nothing and an injection adds to each"
-            none = "no launch on a grid there has a next one near it" if self.period == 1 else none
-            found = "without injection or damping only lossless hops come back: those that a search finds, as that of"
-            notes = [none if self.inject else f"{found} find_all, which does not prove that there are no others"]
+            none = "complete: no launch there has a next launch, or hops lose nothing and an injection adds to each"
+            none = "no launch on a grid there has a next launch near it" if self.period == 1 else none
+            found = "without injection or damping only lossless hops come back: the ones that a search such as find_all"
+            notes = [none if self.inject else f"{found} finds, which does not prove that there are no others"]
             notes = ["not complete: the map is not resolved"] if self.unresolved else notes
         if self.unresolved:
             length = sum(b - a for a, b in self.unresolved)
             near = ", ".join(f"{a:.9g}" for a, _ in self.unresolved[:4])
             text = f"{len(self.unresolved)} intervals of together {length:.2g}{unit}: near {near}"
-            why = "its borders accumulate there, or the search ended as hops have very many impacts"
-            notes.append(f"but for hops with a launch in {text}; {why}: a narrower range is resolved farther")
+            why = "its borders accumulate there, or the search ended because hops have very many impacts"
+            notes.append(f"except for hops with a launch in {text}; {why}: a narrower range is resolved further")
         return notes
 
     def table(self) -> dict[str, list[Any]]:
@@ -269,7 +269,7 @@ def separation_at(step: Any, alpha: float) -> float | None:
 
 
 def lossless_hops(return_map: Any, period: int, low: float, high: float, lossless: list[float]) -> PeriodicHops:
-    """The `PeriodicHops` of a map without injection and damping, of which all that come back are lossless."""
+    """The `PeriodicHops` of a map without injection and damping, where only lossless hops come back."""
     impacts, words = return_map(np.array(lossless)).impacts.tolist(), machine_in_words(return_map.machine)
     hops = ReturningHops.of_speeds
     cycles = tuple(

@@ -1,4 +1,4 @@
-"""The periods that launches settle to, over two parameters: which period attracts where.
+"""The periods to which launches settle, over two parameters: which period attracts where.
 
 Each value of the machine's parameters has a map, which is resolved into polynomials; many launches are mapped together,
 at all values of the injection. Launches outside of the polynomials' range, and in what they leave out, take the map
@@ -26,19 +26,20 @@ from .settling import CHAOTIC, HAS_PERIOD, OUT_OF_RANGE, PERIODS, UNSETTLED, Set
 
 @dataclass(frozen=True, eq=False, repr=False)
 class PeriodDiagram(Result, what="diagram of periods", dimension="launch"):
-    """The periods that launches of return maps settle to, over two parameters.
+    """The periods to which launches of return maps settle, over two parameters.
 
     along, second : names of the parameters
     machine : in words and numbers
     values, others : of the two parameters, (nx,) and (ny,), ascending
-    starts : the launch speeds (k,) that were mapped
-    status : (ny, nx, k), what each settles to: "periodic", "outside" (periodic, with launches outside of the range),
-        "chaotic" (the slopes are above 1 in the mean), "longer" (no period up to the longest, without chaos: one above
-        it, or one that attracts so slowly that more hops are needed), "leaves" (ever faster), or why there is no next
+    starts : the initial launch speeds (k,)
+    status : (ny, nx, k), what each settles to: "periodic", "outside" (periodic, with launches outside the range),
+        "chaotic" (the slopes are above 1 on average), "longer" (neither chaotic nor of a period up to the longest: a
+        longer period, or slow convergence that needs more hops), "leaves" (ever faster), or why there is no next
         launch: "rests" and other statuses of a hop
     periods : (ny, nx, k), 0 where there is none
-    launches : (ny, nx, k), the largest launch speed of the cycle, or the last one of others that go on; else NaN
-    exponents : (ny, nx, k), the mean logarithm of the slopes of those without a period, NaN of others
+    launches : (ny, nx, k), the largest launch speed of the cycle, or the last launch speed of other hops that continue;
+        else NaN
+    exponents : (ny, nx, k), the mean logarithm of the slopes where there is no period; else NaN
     longest, hops : the longest period that was tested, and the largest number of hops
     units : of launch speeds and parameters, by name; empty for a dimensionless machine
     """
@@ -89,32 +90,34 @@ class PeriodDiagram(Result, what="diagram of periods", dimension="launch"):
         return [text] if several > 1 and count else []
 
     def unit_of(self, name: str) -> str:
-        """The unit of a column, see `Result`; a launch speed has the same one wherever it is."""
+        """The unit of a column, see `Result`; it is the same for all launch speeds."""
         return super().unit_of("alpha" if name in ("start", "launch") else name)
 
     @property
     def first(self) -> np.ndarray:
-        """Of each place (ny, nx), the index of the first start that goes on in the range; of others 0."""
+        """For each place (ny, nx), the index of the first start whose hops continue in the range; 0 if there is
+        none."""
         return np.argmax(self._stays, axis=2)
 
     @property
     def _stays(self) -> np.ndarray:
-        """Which launches (ny, nx, k) go on in the range."""
+        """Which launches (ny, nx, k) continue in the range."""
         return np.isin(self.status, (HAS_PERIOD, CHAOTIC, UNSETTLED))
 
     @property
     def several(self) -> np.ndarray:
-        """The places (ny, nx) where starts that go on in the range lead to different periods."""
+        """The places (ny, nx) where starts whose hops continue in the range lead to different periods."""
         first = np.take_along_axis(self.periods, self.first[:, :, None], axis=2)
         return ((self.periods != first) & self._stays).any(axis=2)
 
     def period(self) -> np.ndarray:
-        """The periods (ny, nx) of the first start that goes on in the range, 0 for none, and -1 where no start does."""
+        """The periods (ny, nx) of the first start whose hops continue in the range: 0 if it has no period, -1 if there
+        is no such start."""
         found = np.take_along_axis(self.periods, self.first[:, :, None], axis=2)[:, :, 0]
         return np.where(self._stays.any(axis=2), found, -1)
 
     def table(self) -> dict[str, np.ndarray]:
-        """A row for each launch: both parameters, the start, what it settles to, its period and launch speed."""
+        """A row for each launch: both parameters, the start, what it settles to, its period and its launch speed."""
         ny, nx, k = self.status.shape
         places = np.meshgrid(self.others, self.values, self.starts, indexing="ij")
         columns = (places[1], places[0], places[2], self.status, self.periods, self.launches, self.exponents)
@@ -123,7 +126,7 @@ class PeriodDiagram(Result, what="diagram of periods", dimension="launch"):
 
     def plot(self, axes: Axes | None = None) -> Axes:
         """Plot the periods as coloured cells, the second parameter upwards, with a dot where the starts lead to
-        different ones; returns the axes. A `BifurcationCurve` is drawn over it with its own `plot(axes)`."""
+        different periods; returns the axes. Draw a `BifurcationCurve` over it with its own `plot(axes)`."""
         return shown("period_figures").plot_periods(self, axes)
 
     def document(self) -> Document:
@@ -138,39 +141,40 @@ def period_diagram(
     samples: tuple[int, int] = (100, 100), starts: Sequence[float] | None = None, inject: float = 0.0,
     longest: int = 16, hops: int = 2048, grid: int = 400, cap: int = CAP, progress: Progress = None,
 ) -> PeriodDiagram:  # fmt: skip
-    """The periods that launches settle to, over two parameters of the return map.
+    """The periods to which launches settle, over two parameters of the return map.
 
     machine : as for `ReturnMap`, where a launch is a speed
     over : the ranges of two parameters by name: "inject", "restitution" or parameters of the machine, the second one
         drawn upwards
-    between : the range of launch speeds in which the map is resolved into polynomials; elsewhere it is slower
+    between : the range of launch speeds in which the map is resolved into polynomials; outside it, each hop takes
+        longer
     samples : the numbers of values of the two parameters
-    starts : launch speeds, by default 3 in the range; several show where different periods attract
-    inject : the injection, where that is none of the two
-    longest : the longest period that is tested
+    starts : initial launch speeds, by default 3 in the range; several of them show where different periods attract
+    inject : the injection, if it is not one of the two parameters
+    longest : the longest tested period
     hops : the most hops from each launch
     grid : number of launches in the grid on which the borders of the map are searched, as in `periodic_hops`
     cap : number of impacts in one hop after which its computation is ended
     progress : called with the completed share
 
-    All values of the injection share a map, which takes some 0.2 s for each value of the other parameter; without the
-    injection among the two each place has its own. A launch is periodic where the launches of twice the longest period
-    come back to a share of 1e-8. Raises `InputError` for invalid arguments.
+    All values of the injection share one map, which takes some 0.2 s for each value of the other parameter. If the
+    injection is not one of the two parameters, each place needs its own map. A launch is periodic if the launches of
+    twice the longest period come back within a relative difference of 1e-8. Raises `InputError` for invalid arguments.
     """
     axes, (low, high) = _checked_axes(machine, over, samples, inject), range_of("between", between)
     if not low > 0:
-        raise InputError(f"between = {between!r}; launch speeds are above 0")
+        raise InputError(f"between = {between!r}; launch speeds must be above 0")
     if starts is None:
         own = np.linspace(low, high, PERIODS.starts + 2)[1:-1]
     elif not np.iterable(starts) or isinstance(starts, str):
-        raise InputError(f"starts = {starts!r}; it is a list of launch speeds")
+        raise InputError(f"starts = {starts!r}; it must be a list of launch speeds")
     else:
         own = np.array([finite_number("starts", start) for start in starts])
     if not (len(own) and (own > 0).all()):
-        raise InputError(f"starts = {starts!r}; they are launch speeds above 0")
+        raise InputError(f"starts = {starts!r}; they must be launch speeds above 0")
     longest, hops = whole_number("longest", longest, "hops"), whole_number("hops", hops, "hops")
     if hops < 4 * longest:
-        raise InputError(f"hops = {hops}: a period of {longest} shows after {4 * longest} hops at least")
+        raise InputError(f"hops = {hops}: to show a period of {longest}, it must be at least {4 * longest}")
     grid, (along, second) = whole_number("grid", grid, "launches", 2), axes
     maps = {name: values for name, values in axes.items() if name != INJECT}
     injections, shape = axes.get(INJECT, np.array([inject])), [len(values) for values in maps.values()]
@@ -202,21 +206,21 @@ def _checked_axes(
 ) -> dict[str, np.ndarray]:
     """The values of both parameters by name."""
     if not isinstance(over, Mapping) or len(over) != 2:
-        raise InputError(f"over = {over!r}; it maps the names of two parameters to their ranges")
+        raise InputError(f"over = {over!r}; it must map the names of two parameters to their ranges")
     if not machine.model.one_speed:
-        raise InputError(f"a launch of a {machine.model.name} is more than a speed: it has no diagram of periods")
+        raise InputError(f"a launch of a {machine.model.name} has several numbers, so there is no diagram of periods")
     for name in over:
         if name in (*RESERVED_IN_DIAGRAMS, "start", "status", "launch", "exponent"):
-            raise InputError(f"a parameter called '{name}' has the name of a column of diagrams; give it another name")
+            raise InputError(f"a parameter called '{name}' has the name of a column of diagrams; rename it")
         if name not in (known := parameters_of_maps(machine)):
             raise InputError(f"the return map has no parameter '{name}'; it has {', '.join(known)}")
     if INJECT in over and finite_number("inject", inject) != 0:
-        raise InputError(f"inject = {inject:g} beside a range of it: the range says it all")
+        raise InputError(f"inject = {inject:g}, but over already states inject: leave it out")
     try:
         counts = [whole_number("samples", count, "values", 2) for count in samples]
         pairs = [*zip(over.items(), counts, strict=True)]
     except (TypeError, ValueError):
-        raise InputError(f"samples = {samples!r}; they are two numbers of values") from None
+        raise InputError(f"samples = {samples!r}; it must be two numbers of values") from None
     return {name: np.linspace(*range_of(name, ends), count) for (name, ends), count in pairs}
 
 

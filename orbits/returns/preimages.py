@@ -44,7 +44,7 @@ class Passages:
         return np.nan_to_num(self.hops_from(x).next)
 
     def _resolve(self, which: Sequence[float]) -> None:
-        """Find where the map passes levels, ascending, and its borders beside these places, unless they are known."""
+        """Find where the map passes levels, ascending, and its borders near these places, unless they are known."""
         levels = np.array([level for level in which if level not in self._passages])
         if not len(levels):
             return
@@ -64,8 +64,8 @@ class Passages:
     def _between_launches(
         self, levels: np.ndarray, known: np.ndarray, places: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Where neighbours in the grid show that the map passes levels (k,) beside the known ones (p,) at places (p,),
-        as it is not resolved there: the indices of the levels, and the places."""
+        """Where neighbours in the grid show that the map passes levels (k,) in addition to the known ones (p,) at
+        places (p,), as it is not resolved there: the indices of the levels, and the places."""
         x, excess = self.resolving.grid, self._following[:, None] - levels
         i, k = np.nonzero((excess[1:] >= 0) != (excess[:-1] >= 0))
         new = ~np.isin(k * len(x) + i, known * len(x) + np.searchsorted(x, places, side="right") - 1)

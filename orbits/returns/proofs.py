@@ -26,20 +26,20 @@ def prove_fixed_point(
     machine: Machine, point: ReturningHops | float, inject: Decimal | tuple[Decimal, Decimal], *,
     digits: int | None = None, parameters: Exact = None, limit: float | None = None,
 ) -> Proof:  # fmt: skip
-    """Prove that the return map with an injection has a fixed point, that no other is nearby, and whether it is stable.
-    The same of hops of a longer period, and that it is their least one.
+    """Prove that the return map with an injection has a fixed point, that no other is nearby, and whether it is stable;
+    or the same for hops of a longer period, and that this period is their least one.
 
-    machine : of two coordinates, whose landings are plastic; its statement is as in `prove`
-    point : a fixed point of the `ReturnMap`, or its hops of a period, whose numbers are compared with the theorem; or a
+    machine : of two coordinates, with plastic landings; stated as in `prove`
+    point : a fixed point of the `ReturnMap`, or hops of a period, whose numbers are compared with the theorem; or a
         launch speed near a fixed point
     inject : added to the launch speed at every lift-off: an exact decimal, or a pair of them for an interval
     digits, parameters, limit : as in `prove`
 
-    The result encloses alpha, for hops of a longer period also "alpha_2" and the next ones, the times, and the
-    multiplier. The theorem and its proof are described in `orbits.proof.hops.hop_theorems`; where something is not
-    proved, the result states it and why. Raises `InputError` without python-flint, for a machine with restitution or
-    friction, for one whose launch is more than a speed, and for a lossless hop, which `prove` proves; and `NoOrbit`
-    where a guess leads to no fixed point.
+    The result encloses alpha, for hops of a longer period also "alpha_2" and so on, the times, and the multiplier. The
+    module `orbits.proof.hops.hop_theorems` describes the theorem and its proof. If something is not proved, the result
+    says what and why. Raises `InputError` without python-flint, for a machine with restitution or friction, for one
+    whose launch has several numbers, and for a lossless hop, for which there is `prove`; and `NoOrbit` if a guess leads
+    to no fixed point.
 
     >>> from orbits import ReturnMap, prove_fixed_point
     >>> from problems import Hopper
@@ -55,7 +55,9 @@ def prove_fixed_point(
     digits, values = checked_digits(digits), exact_values(parameters)
     low, high = exact_bounds("inject", inject)
     if not low > 0:
-        raise InputError(f"inject = {inject!r}; it is above 0: without it fixed points are lossless: prove(orbit)")
+        raise InputError(
+            f"inject = {inject!r}; it must be above 0, since without it fixed points are lossless: prove(orbit)"
+        )
     middle, said = float((low + high) / 2), None
     if isinstance(point, ReturningHops):
         if point.kind == "lossless":
@@ -75,8 +77,8 @@ def prove_doubling(
     machine: Machine, flip: Bifurcation, *, digits: int | None = None, parameters: Exact = None,
     limit: float | None = None,
 ) -> Proof:  # fmt: skip
-    """Prove that a fixed point of the return map loses its stability by period doubling as the injection grows, with an
-    enclosure of the injection where that happens.
+    """Prove that a fixed point of the return map loses its stability by period doubling as the injection grows, and
+    enclose the injection there.
 
     machine : as in `prove_fixed_point`, with a smooth law
     flip : a "flip" event of a fixed point, from `bifurcations(machine, "inject", ...)`
@@ -94,7 +96,7 @@ def prove_doubling(
     """
     _check_plastic(machine)
     if not (isinstance(flip, Bifurcation) and flip.kind == "flip" and len(flip.alphas) == 1):
-        raise InputError('a doubling is a "flip" event of fixed points along "inject", see `bifurcations`')
+        raise InputError('a doubling must be a "flip" event of fixed points along "inject", see `bifurcations`')
     from ..proof import checked_digits, proof_of_doubling
 
     digits, values = checked_digits(digits), exact_values(parameters)
@@ -109,11 +111,11 @@ def _check_plastic(machine: Machine) -> None:
     check_machine(machine, "restitution")
     refuse_steps(machine.model, "a theorem about a return map")
     if machine.restitution != 0:
-        raise InputError(f"restitution = {machine.restitution:g}: a theorem is about landings that are plastic")
+        raise InputError(f"restitution = {machine.restitution:g}: a theorem needs plastic landings, restitution 0")
     if not machine.model.conservative:
         raise InputError(f"this {machine.model.name} loses energy by friction: nothing can be proved of its map")
     if not machine.model.one_speed:
-        raise InputError(f"a launch of a {machine.model.name} is more than a speed: it has no map of speeds")
+        raise InputError(f"a launch of a {machine.model.name} has several numbers, so there is no map of speeds")
 
 
 def guessed_hop(machine: Machine, alpha: float, inject: float) -> "HopGuess":

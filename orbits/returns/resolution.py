@@ -1,7 +1,7 @@
 """The search for the pieces of a return map: its borders by bisection, and cells that are halved until polynomials fit.
 
 The launches of a grid show borders, and others are found where no polynomial fits. Cells that are too short to be
-halved, as where borders accumulate, stay unresolved. So do those that are left when the search has followed very many
+halved, as where borders accumulate, stay unresolved. So do cells that are left when the search has followed very many
 impacts, and those whose hops have more impacts than the effort allows.
 
 A search for fixed points leaves out what is clearly away from the identity line: launches whose next one, with the
@@ -204,7 +204,7 @@ class Resolving(LimitedHops):
         self.fit(pending, progress)
 
     def fit(self, waiting: list[_Cell], progress: Progress) -> None:
-        """Fit cells and then parts of those that no polynomial fits, until none is left or the effort is spent."""
+        """Fit cells, and then parts of cells that no polynomial fits, until none is left or the effort is spent."""
         refused = list[_Refused]()
         try:
             while waiting or refused or self.short:
@@ -236,7 +236,7 @@ class Resolving(LimitedHops):
         heartbeat.remark(f"{resolved}: a narrower range takes less time")
 
     def parts(self, refused: Sequence[_Refused]) -> list[_Cell]:
-        """Parts of cells that no polynomial fits; none of those that are too short, or shorter than the grid shows
+        """Parts of cells that no polynomial fits; none of cells that are too short, or shorter than the grid shows
         where hops have more impacts than are followed. Near levels the shortest ones wait."""
         found, wide = list[list[float]](), list[_Refused]()
         for each in refused:
@@ -279,8 +279,8 @@ class Resolving(LimitedHops):
         return ends if sum(b - a for a, b in ends) < 0.5 * (b - a) else None
 
     def fits(self, cells: list[_Cell]) -> tuple[list[_FittedCell], list[_Refused]]:
-        """The cells that polynomials fit, and those that none does. Cells in which no hop has a next launch, or all are
-        away from the identity line, are left out."""
+        """The cells that polynomials fit, and the others. Cells without a next launch of any hop, or all are away from
+        the identity line, are left out."""
         done, refused, options = list[_FittedCell](), list[_Refused](), self.options
         for degree, fitted in zip(options.degrees, options.fitted, strict=True):
             t, table = _cell_nodes(degree)

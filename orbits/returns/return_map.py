@@ -75,20 +75,20 @@ class ReturnMap:
     """The return map of a machine, with its restitution and damping.
 
     machine : as in `find`, with its restitution
-    inject : added to the launch speed "alpha" at every lift-off, an impulse on the coordinate that is launched; with a
-        damper the extension at lift-off depends on the speed, and the injection moves the machine to the extension of
-        the new speed
+    inject : added to the launch speed "alpha" at every lift-off, an impulse on the launched coordinate. With a damper
+        the extension at lift-off depends on the speed, and the injection moves the machine to the extension of the new
+        speed
     cap : number of impacts in one hop after which its computation ends, with the status "cap"
 
-    Called with launch speeds (...) in the machine's units, it returns `Hops`; in an array, a speed that is not a number
-    above 0 has the status "invalid". `smallest_separation` shows whether the masses pass through each other. Raises
-    `InputError` for a single speed that is not above 0.
+    Called with launch speeds (...) in the machine's units, it returns `Hops`. In an array, a speed that is not a number
+    above 0 gets the status "invalid"; a single such speed raises `InputError`. `smallest_separation` shows whether the
+    masses pass through each other.
 
-    A launch of a machine of N coordinates has d = 2 N - 3 numbers, which `names` names: the states of the contact but
-    one, which follows from the others as the contact force vanishes. Called with launches (..., d), or with a mapping
-    of arrays (...) by name, or with an orbit, the map of such a machine returns `LaunchHops`. Its fixed points are
-    those of `periodic_hop` and `fixed_points(starts=)`. What is about intervals of launch speeds, such as basins, is
-    refused with `InputError` where d > 1.
+    A launch of a machine of N coordinates has d = 2 N - 3 numbers, with the names `names`: all states of the contact
+    but one, which follows from the others since the contact force vanishes. For d > 1, call the map with launches (...,
+    d), with a mapping of arrays (...) by name, or with an orbit; it returns `LaunchHops`. Find its fixed points by
+    `periodic_hop` and `fixed_points(starts=)`. Methods about intervals of launch speeds, such as basins, raise
+    `InputError` for d > 1.
 
     >>> from orbits import ReturnMap
     >>> from problems import Hopper
@@ -113,7 +113,7 @@ class ReturnMap:
     def section(self) -> LaunchSection:
         """The launches as points of the section on which the contact force vanishes."""
         if self.impacts.model.hysteretic:
-            raise InputError("hops with hysteresis are followed from launch speeds: call the map, or take fixed_points")
+            raise InputError("for a spring with hysteresis, call the map with launch speeds, or use fixed_points")
         return LaunchSection(self.impacts, self.units)
 
     @property
@@ -125,12 +125,12 @@ class ReturnMap:
         """Raise `InputError` where a launch is more than a speed, as `what` is about intervals of speeds."""
         if not self.impacts.model.one_speed:
             raise InputError(
-                f"{what}: intervals of launch speeds say nothing where a launch has {len(self.names)} numbers, "
-                f"{', '.join(self.names)}; call the map with launches, or take periodic_hop(start)"
+                f"{what}: intervals of launch speeds have no meaning where a launch has {len(self.names)} numbers, "
+                f"{', '.join(self.names)}; call the map with launches, or use periodic_hop(start)"
             )
 
     def dimensionless(self) -> "ReturnMap":
-        """The map of the dimensionless machine; itself where the machine has no units."""
+        """The map of the dimensionless machine; the map itself if the machine has no units."""
         return self._own or self
 
     @cached_property
@@ -173,10 +173,10 @@ class ReturnMap:
         try:
             alpha = np.array(alpha, dtype=float)
         except (TypeError, ValueError, OverflowError):
-            raise InputError(f"alpha = {alpha!r}; launch speeds are numbers") from None
+            raise InputError(f"alpha = {alpha!r}; launch speeds must be numbers") from None
         launches = np.isfinite(alpha) & (alpha > 0)
         if not (alpha.ndim or launches):
-            raise InputError(f"alpha = {alpha:g}; launch speeds are above 0")
+            raise InputError(f"alpha = {alpha:g}; launch speeds must be above 0")
         return replace(self._hops(alpha, launches), alpha=alpha, machine=self._words)
 
     @in_own_units(lambda hops, step: hops.in_units(step.units), alpha=LIFTOFF_SPEED)
@@ -198,17 +198,16 @@ class ReturnMap:
         self, low: float | None = None, high: float | None = None, samples: int = 2000, *,
         starts: Sequence[Any] | None = None, progress: Progress = None,
     ) -> FixedPoints:  # fmt: skip
-        """The fixed points of the map between two launch speeds, ascending; or those that Newton's method finds from
-        `starts`, launches of d numbers: the different ones among their `periodic_hop`, in their order, and beside a
-        lossless start the one with less energy too.
+        """The fixed points of the map between two launch speeds, ascending. Or, from `starts`, launches of d numbers,
+        the different fixed points that Newton's method finds (see `periodic_hop`), in the order of the starts; near a
+        lossless start it also finds the one with less energy.
 
-        Without injection or damping they are the lossless orbits that are motions: all that a search like that of
-        `find_all` shows, and of machines that step those of `find`. With either, they are where the map crosses the
-        identity line: its smooth pieces are searched that may touch it between the launches of a grid of `samples`,
-        see `orbits.returns.resolution`. A fixed point may be missed where the map comes to the line and goes away
-        again between two of these. The result states in `unresolved` the intervals of launch speeds in which there may
-        be others since borders accumulate or hops have very many impacts.
-        `progress` is called with the completed share.
+        Without injection or damping they are the lossless orbits that are motions, from a search like that of
+        `find_all`, or of `find` for machines that step. Otherwise they are the crossings of the map with the identity
+        line. The search covers the smooth pieces that may touch the line between the launches of a grid of `samples`,
+        see `orbits.returns.resolution`; it may miss a fixed point if the map reaches the line and leaves it again
+        between two of these. `unresolved` of the result has the intervals of launch speeds in which others may exist,
+        since borders accumulate there or hops have very many impacts. `progress` is called with the completed share.
 
         Raises `NoOrbit` where the search takes more than 30 s, unless `time_limit` allows more.
         """
@@ -216,25 +215,27 @@ class ReturnMap:
             return FixedPoints(different_hops(partial(hops_near, self), starts, progress))
         self._check_one_speed("fixed_points(low, high)")
         if low is None or high is None:
-            raise InputError("fixed points are searched for between two launch speeds, low and high, or from starts")
+            raise InputError(
+                "give either two launch speeds, low and high, between which to search fixed points, or starts"
+            )
         low, high, samples = _checked_grid(low, high, samples)
         with time_limit(None):
             try:
                 found = self._all_periodic(1, low, high, samples, progress)
                 return FixedPoints(found.cycles, found.unresolved)
             except TimeOver as over:
-                remedy = f"hops are followed up to {self.cap} impacts: a smaller cap of the map ends them earlier"
+                remedy = f"the map follows hops up to {self.cap} impacts; give it a smaller cap to end hops earlier"
                 raise over.reached(remedy) from None
 
     @exclusive
     def periodic_hop(self, start: Any, period: int = 1) -> ReturningHops:
-        """The hops that come back to their first launch after `period` of them, by Newton's method from a launch.
+        """The hops that come back to their first launch after `period` hops, by Newton's method from a launch.
 
-        start : a launch near it, as for the map: its numbers, or an orbit. From a lossless orbit the search begins with
-            the launch beside it that has more energy and loses what the injection adds, by the power 4/3 of its loss
+        start : a nearby launch, as for the map: its numbers, or an orbit. From a lossless orbit the search begins with
+            a launch of more energy, which loses what the injection adds, by the law of the power 4/3
 
-        Raises `NoOrbit` where the method finds none, or hops of a shorter period. Without injection or damping hops
-        that come back are lossless: those of `find` and `find_all`, whose orbit may be the start.
+        Raises `NoOrbit` if the method finds none, or hops of a shorter period. Without injection or damping, the hops
+        that come back are the lossless hops of `find` and `find_all`, whose orbit may be the start.
         """
         return hops_near(self, start, whole_number("period", period, "hops"))
 
@@ -242,15 +243,15 @@ class ReturnMap:
     def periodic_hops(
         self, period: int, low: float, high: float, samples: int = 400, *, progress: Progress = None
     ) -> PeriodicHops:
-        """All hops that come back after `period` of them, and not before, with all launch speeds between two.
+        """All hops that come back after `period` hops, and not before, with all launch speeds between two bounds.
 
-        samples : number of launches of a grid on which the borders of the map's smooth pieces are searched; others are
-            found where no polynomial fits the map
+        samples : number of launches of a grid on which the borders of the map's smooth pieces are searched; further
+            borders are found where no polynomial fits the map
         progress : called with the completed share
 
-        The search goes through all itineraries of monotone branches, see `orbits.returns.itineraries`. The result
-        says what it rests on, and names the launches at which the map is not resolved. Without injection or damping
-        the hops of period one are the lossless ones, and there are no others, since landings only lose.
+        The search covers all itineraries of monotone branches, see `orbits.returns.itineraries`. The result states its
+        assumptions and the launches at which the map is not resolved. Without injection or damping, only the lossless
+        hops of period one come back, since landings only lose energy.
 
         >>> from orbits import ReturnMap
         >>> from problems import Hopper
@@ -285,14 +286,14 @@ class ReturnMap:
 
     @property
     def only_gains(self) -> bool:
-        """Whether hops lose nothing, so that every next launch is faster by the injection and none comes back."""
+        """Whether hops lose nothing, so that the injection makes every next launch faster and none comes back."""
         return bool(self.impacts.never_lose and self.impacts.one_liftoff)
 
     @exclusive
     def smallest_separation(self, alpha: ArrayLike) -> np.ndarray | None:
         """The smallest separations (...) of the masses during the hops from launch speeds (...), None without a rest
-        length. Where one is not above 0 the masses pass through each other, which the map ignores. Each hop is
-        simulated, which takes some milliseconds; a speed that is not above 0 has NaN."""
+        length. If one is not above 0 the masses pass through each other, which the map ignores. Each hop is simulated,
+        which takes some milliseconds; a speed that is not above 0 gives NaN."""
         self._check_one_speed("smallest_separation")
         speeds = np.array(alpha, dtype=float)
         found = [separation_at(self, each) if 0 < each < np.inf else np.nan for each in speeds.ravel().tolist()]
@@ -306,7 +307,7 @@ class ReturnMap:
         self._check_one_speed("jumps")
         change = np.abs(np.diff(np.nan_to_num(hops.next)))
         beside = np.maximum(np.append(0.0, change[:-1]), np.append(change[1:], 0.0))
-        # A jump smaller than the changes beside it would not be visible in a plot.
+        # A jump smaller than the changes next to it would not be visible in a plot.
         i = np.flatnonzero((np.diff(hops.impacts) != 0) & (change > beside))
         same = lambda alpha, which: self(alpha).impacts == hops.impacts[i[which]]  # noqa: E731
         a, b = enclosed_ends(same, hops.alpha[i], hops.alpha[i + 1])
@@ -316,28 +317,28 @@ class ReturnMap:
     @in_own_units(in_speeds, edges=LIFTOFF_SPEED, low=LIFTOFF_SPEED, high=LIFTOFF_SPEED)
     def preimages(self, edges: Intervals, low: float, high: float, samples: int = 2000) -> LaunchIntervals:
         """The intervals of launch speeds between `low` and `high`, ascending, whose next launch speed lies in one of
-        the intervals `edges`. They end where the map passes an edge, or jumps; `samples` is as in `fixed_points`, and
-        the map is resolved near the edges, see `orbits.returns.preimages`."""
+        the intervals `edges`. An interval ends where the map passes an edge, or jumps. `samples` is as in
+        `fixed_points`; the map is resolved near the edges, see `orbits.returns.preimages`."""
         self._check_one_speed("preimages")
         low, high, samples = _checked_grid(low, high, samples)
         try:
             pairs = [(a, b) for a, b in edges]
         except (TypeError, ValueError):
-            raise InputError(f"edges = {edges!r}; they are pairs (low, high) of launch speeds") from None
+            raise InputError(f"edges = {edges!r}; they must be pairs (low, high) of launch speeds") from None
         edges = [(finite_number("edges", a), finite_number("edges", b)) for a, b in pairs]
         for low_edge, high_edge in edges:
             if not 0 < low_edge <= high_edge:
                 ends = {name: Quantity(x, LIFTOFF_SPEED) for name, x in (("low", low_edge), ("high", high_edge))}
-                text = "edges = ({low:.17g}, {high:.17g}); the launch speeds of an interval are above 0 and ascend"
+                text = "edges = ({low:.17g}, {high:.17g}); the launch speeds of an interval must be above 0 and ascend"
                 raise InputError(Message(text, **ends))
         found = self._passages(low, high, samples, lossless_speeds(self.machine, low, high)).preimages(edges)
         return LaunchIntervals(self._words, low, high, tuple(found))
 
     @exclusive
     def upkeep(self, alpha: float) -> "Upkeep":
-        """What keeps the machine hopping with a launch speed: the injection at which it is a fixed point, and the
-        energy that this adds in every hop; the machine's own `inject` does not matter. Raises `NoOrbit` where the hop
-        has no next launch.
+        """What keeps the machine hopping with a launch speed: the injection for which this speed is a fixed point, and
+        the energy that it adds in every hop. The map's own `inject` does not matter. Raises `NoOrbit` if the hop has no
+        next launch.
 
         >>> from orbits import ReturnMap
         >>> from problems import Hopper, springs
@@ -348,7 +349,7 @@ class ReturnMap:
         """
         self._check_one_speed("upkeep")
         if not finite_number("alpha", alpha) > 0:
-            raise InputError(f"alpha = {alpha:g}; launch speeds are above 0")
+            raise InputError(f"alpha = {alpha:g}; launch speeds must be above 0")
         return replace(self._upkeep(float(alpha)), alpha=float(alpha))
 
     @in_own_units(lambda upkeep, step: step.units.convert(upkeep, **DIMENSIONS_OF_UPKEEP), alpha=LIFTOFF_SPEED)
@@ -379,8 +380,8 @@ class ReturnMap:
     def plot_basin(
         self, low: float, high: float, axes: Axes | None = None, hops: int = 1000, samples: int = 2000
     ) -> Axes:
-        """Plot which launches between two speeds come to which hop, with their share of the range; returns the axes.
-        The intervals are those of `basins`."""
+        """Plot the `basins` between two launch speeds: which launches come to which hop, with their share of the range;
+        returns the axes."""
         self._check_one_speed("plot_basin")
         return shown("map_figures").plot_basin(self, low, high, axes, hops, samples)
 
@@ -389,15 +390,14 @@ class ReturnMap:
     def basins(
         self, low: float, high: float, hops: int = 1000, samples: int = 2000, progress: Progress = None
     ) -> Basins:
-        """What the launches between two speeds come to: each lossless hop, or with injection or damping each hop or
-        cycle of hops that attracts, with its intervals of launches; launches that rest; chaotic motions; and those that
-        are undecided.
+        """The intervals of launches between two speeds, by what they come to: a lossless hop or, with injection or
+        damping, an attracting hop or cycle of hops; rest; chaotic motions; and undecided launches.
 
-        A launch comes to a hop where one of its next launches, within at most `hops` hops, lies in the immediate basin
-        of the hop: an interval around it in which all launches come to it. With injection, attracting hops of up to 16
-        launches are searched for from all extrema and borders of the map, also outside of the range. Their basins are
-        preimages of these intervals on the map's pieces, see `orbits.returns.destinations`; `samples` is as in
-        `fixed_points`. `progress` is called with the share of the range that is decided.
+        A launch comes to a hop if one of its next launches, within at most `hops` hops, lies in the immediate basin of
+        the hop, an interval around it from which all launches come to it. With injection, attracting hops of up to 16
+        launches are searched from all extrema and borders of the map, also outside the range. Their basins are the
+        preimages of these intervals on the map's pieces, see `orbits.returns.destinations`. `samples` is as in
+        `fixed_points`; `progress` is called with the decided share of the range.
 
         >>> from orbits import ReturnMap
         >>> from problems import Hopper
@@ -424,7 +424,7 @@ class ReturnMap:
         return Basins(words, low, high, self.inject, *destinations(settling, (low, high), stars, hops, half))
 
     def _top(self, high: float) -> float:
-        """A launch speed from `high` on which no slower launch passes, as far as some launches below it show."""
+        """A launch speed, from `high` on, that slower launches do not pass, as far as some launches below it show."""
         least, step = (
             max(self.inject, RETURN_MAP.slowest_share * high),
             ReturnMap(self.machine, self.inject, RETURN_MAP.few),
@@ -441,8 +441,8 @@ class ReturnMap:
         self, low: float, high: float, hops: int = 1000, samples: int = 2000,
         progress: Progress = None,
     ) -> LaunchIntervals:  # fmt: skip
-        """The intervals of launch speeds between `low` and `high` that come to any hop that attracts, ascending: the
-        union of the `basins`, which say the rest."""
+        """The intervals of launch speeds between `low` and `high`, ascending, that come to any attracting hop: the
+        union of the `basins`, which have the details."""
         found = self.basins(low, high, hops, samples, progress)
         return LaunchIntervals(found.machine, found.low, found.high, tuple(found.union))
 
@@ -470,10 +470,10 @@ def _checked_grid(low: float, high: float, samples: int) -> tuple[float, float, 
     low, high = finite_number("low", low), finite_number("high", high)
     if not 0 < low < high:
         speeds = {name: Quantity(speed, LIFTOFF_SPEED) for name, speed in (("low", low), ("high", high))}
-        raise InputError(Message("low = {low:g}, high = {high:g}: 0 < low < high is needed", **speeds))
+        raise InputError(Message("low = {low:g}, high = {high:g}: 0 < low < high must hold", **speeds))
     if high > FASTEST_LAUNCH:
         speeds = {name: Quantity(speed, LIFTOFF_SPEED) for name, speed in (("high", high), ("most", FASTEST_LAUNCH))}
-        raise InputError(Message("high = {high:g}; a launch speed is at most {most:g}", **speeds))
+        raise InputError(Message("high = {high:g}; a launch speed must be at most {most:g}", **speeds))
     return low, high, whole_number("samples", samples, "launches", 2)
 
 
@@ -503,15 +503,15 @@ def _impacts_of(machine: Machine) -> "Impacts | Branches":
     check_machine(machine, "restitution")
     if machine.model.sticks:
         raise InputError(
-            f"{machine.model.sticks[0]} of a {machine.model.name} sticks in contact: its motions are simulated and "
-            "`multipliers` says what is beside an orbit, without a map"
+            f"{machine.model.sticks[0]} of a {machine.model.name} sticks in contact, so it has no map: use "
+            "`simulate`, and `multipliers` for the stability of an orbit"
         )
     if not machine.model.hysteretic:
         return impacts_of(machine)
     if not machine.model.one_speed:
         name = machine.model.name
         raise InputError(
-            f"a launch of a {name} is more than a speed, and its spring has hysteresis: it is simulated, without a map"
+            f"a launch of a {name} has several numbers, and its spring has hysteresis: use `simulate` instead of a map"
         )
     return Branches(machine)
 

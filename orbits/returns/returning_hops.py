@@ -18,21 +18,21 @@ from .bifurcation import WORDS_OF_STABILITY
 class ReturningHops(
     Result, what="periodic hop", in_line=("kind", "launches", "multiplier"), document_is_whole=True
 ):  # fmt: skip
-    """Hops that come back to their first launch after `period` of them, and not before; one hop is a fixed point.
+    """Hops that come back to their first launch after `period` hops, and not before; with period 1, a fixed point.
 
     names : of the d numbers of a launch
-    launches : (period, d), each followed by the next one, and the last by the first; of launch speeds that were
-        searched for in a range, the first is the smallest
-    kind : "lossless", or "crossing" where hops lose what injection or a force adds
-    multipliers : of all hops together, from the first launch; None where there are none, as where a hop lands
+    launches : (period, d), in the order of the hops; the last leads to the first. For launch speeds from a search in a
+        range, the first is the smallest
+    kind : "lossless", or "crossing" where hops lose what an injection or a force adds
+    multipliers : of all hops together, from the first launch; None without any, for example where a hop lands
         tangentially
-    smallest_separation : of the masses, None where no separation is stated; where it is not above 0 they pass through
-        each other, and the hops are no motion of a real machine
+    smallest_separation : of the masses; None where no separation is stated. If it is not above 0 they pass through each
+        other, so the hops are not a motion of a real machine
     units : of the numbers of a launch, by name; empty for a dimensionless machine
     machine : in words and numbers
-    impacts : the number of impacts in each hop, one more than the bounces; files of earlier versions may have none
-    error : how far launch speeds may be from those of the map, as their computation rounds; None where it is not known
-    itinerary : the monotone branch of the map on which each launch lies, of hops that were searched for in a range
+    impacts : the number of impacts in each hop, one more than its bounces; files of earlier versions may lack them
+    error : bound on the rounding error of the launch speeds; None where it is not known
+    itinerary : for hops from a search in a range, the monotone branch of the map on which each launch lies
     """
 
     names: tuple[str, ...]
@@ -100,8 +100,8 @@ class ReturningHops(
 
     @property
     def multiplier(self) -> float | None:
-        """The multiplier of largest modulus, of complex ones the modulus; None at lossless hops, where the map has no
-        slope in the launch speed, and where there is none."""
+        """The multiplier of largest modulus, or its modulus if it is complex; None at lossless hops, where the map has
+        no slope in the launch speed, and without multipliers."""
         if self.kind == "lossless" or self.multipliers is None:
             return None
         first = self.spectrum[0]
@@ -109,12 +109,12 @@ class ReturningHops(
 
     @property
     def stable(self) -> bool | None:
-        """Whether the hops attract their neighbours; None where there is no multiplier, as at lossless hops."""
+        """Whether the hops attract their neighbours; None without a multiplier, as at lossless hops."""
         return None if self.multiplier is None else abs(self.multiplier) < 1
 
     @property
     def stability(self) -> str:
-        """The stability in words, that of its `HopMultipliers`."""
+        """The stability in words, as in `HopMultipliers`."""
         return WORDS_OF_STABILITY[None] if self.multipliers is None else self.multipliers.stability
 
     def title(self) -> str:
@@ -156,8 +156,8 @@ class ReturningHops(
 class FixedPoints(tuple[ReturningHops, ...]):
     """The fixed points of a return map, ascending, or the hops found from starts, in their order: `ReturningHops`.
 
-    unresolved : intervals of launch speeds in which there may be others: borders of the map accumulate there, or hops
-        have so many impacts that the search has ended; a narrower range is resolved farther
+    unresolved : intervals of launch speeds in which there may be others: borders of the map accumulate there, or the
+        search has ended since hops have too many impacts; a narrower range is resolved farther
     """
 
     unresolved: tuple[tuple[float, float], ...]
@@ -173,7 +173,7 @@ class FixedPoints(tuple[ReturningHops, ...]):
             return text
         low, high = self.unresolved[0][0], self.unresolved[-1][1]
         number, length = len(self.unresolved), sum(b - a for a, b in self.unresolved)
-        return f"{text}, and maybe others in {number} intervals of the length {length:.2g} from {low:.9g} to {high:.9g}"
+        return f"{text}, and maybe others in {number} intervals of length {length:.2g} from {low:.9g} to {high:.9g}"
 
     def __reduce__(self) -> tuple[Any, ...]:
         return type(self), (tuple(self), self.unresolved)

@@ -1,4 +1,4 @@
-"""What launches of a return map settle to after many hops: a period, chaos, or no next launch."""
+"""What launches of a return map settle to after many hops: a period, chaos, or an end without a next launch."""
 
 from typing import Any, NamedTuple
 

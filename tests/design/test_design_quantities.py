@@ -90,12 +90,12 @@ def test_what_a_bench_measures(machine, name):
 def test_what_is_not_known_is_refused():
     with pytest.raises(InputError, match="'body_apex' here: the machine states no length"):
         quantities(Hopper(), find(Hopper()), "body_apex")
-    with pytest.raises(InputError, match="'loop_energy' here: it is lost on the measured loop"):
+    with pytest.raises(InputError, match="'loop_energy' here: it is a loss on the spring's measured loop"):
         quantities(LEG, find(LEG), "loop_energy")
     with pytest.raises(InputError, match=r"'duty_factor' here: two points of a .* take turns"):
         quantities(BLOCK, find(BLOCK), "duty_factor")
     with pytest.raises(
-        InputError, match=r"'peak_force_in_weights' here: the weight that the contact of a .* is not known"
+        InputError, match=r"'peak_force_in_weights' here: the weight on the contact of a .* is not known"
     ):
         quantities(BLOCK, find(BLOCK), "peak_force_in_weights")
 
@@ -150,9 +150,7 @@ class TestSteps:
         wheel = rimless_wheel()
         orbit = find(wheel)
         assert "loss_coefficient" not in quantities(wheel, orbit)
-        with pytest.raises(
-            NoOrbit, match=r"no loss_coefficient: .*, or a landing with a speed leaves nearly all of it"
-        ):
+        with pytest.raises(NoOrbit, match=r"no loss_coefficient: .*, or a landing keeps nearly all of it"):
             quantities(wheel, orbit, "loss_coefficient")
         with pytest.raises(InputError, match="'friction_left' here: the machine states no friction"):
             quantities(wheel, orbit, "friction_left")

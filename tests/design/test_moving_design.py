@@ -174,7 +174,7 @@ def test_wrong_events_in_files_are_refused(linear):
 def test_what_cannot_be_followed(linear):
     for what, words in {
         "stroke <= 1": "no constraint, bound or parameter 'stroke <= 1'; known: centre_of_mass_rise <= 0.04, body_mass",
-        "k": "'k' is designed itself: follow one of its bounds, 'k >= 2000' or 'k <= 8800'",
+        "k": "'k' is a design parameter: follow one of its bounds, 'k >= 2000' or 'k <= 8800'",
         "mass_ratio": "in SI it follows from the masses",
         "foot_mas": "did you mean 'foot_mass'",
     }.items():
@@ -184,7 +184,7 @@ def test_what_cannot_be_followed(linear):
         linear.follow("k <= 8800", 1000.0)
     with pytest.raises(InputError, match=r"at most 1e\+100 times its range"):
         linear.follow("k <= 8800", 1e308)
-    with pytest.raises(InputError, match=r"constraint is followed by at most 1e\+100"):
+    with pytest.raises(InputError, match=r"constraint can be moved by at most 1e\+100"):
         linear.follow("centre_of_mass_rise <= 0.04", 1e308)
     with pytest.raises(InputError, match="a search without derivatives: its optimality conditions cannot be followed"):
         replace(linear, kkt=None).follow("foot_mass", 4.0)
@@ -198,5 +198,5 @@ def test_what_cannot_be_followed(linear):
     spring = Hopper("r + b*r**3 + d*r**5", parameters={"b": 0.1, "d": 0.001})
     over = {"b": (0.0, 0.2), "d": (0.0, 0.005)}
     flat = optimize(spring, minimise="alpha", over=over, subject_to=["alpha >= 3.2"])  # all along a curve
-    with pytest.raises(NoOrbit, match="no minimum that can be followed"):
+    with pytest.raises(NoOrbit, match="no minimum to follow"):
         flat.follow("alpha >= 3.2", 3.25)

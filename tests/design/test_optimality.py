@@ -52,7 +52,7 @@ def leg() -> Design:
         ({"starts": [{"parameters": {}}]}, "objective is missing"),
         ({"active": [{"text": "a", "multiplier": "b"}]}, "multiplier = 'b'"),
         ({"orbit": {}}, "is missing"),
-        ({"parameters": {"k": 5000.0}}, "it is of another machine"),
+        ({"parameters": {"k": 5000.0}}, "it belongs to another machine"),
         ({"pair": [1.0]}, "a list of 2"),
     ],
 )

@@ -123,7 +123,7 @@ class TestLaunches:
         assert hops.status.tolist() == ["no_launch", "no_launch", "rests", "rests"]
         assert hops.impacts.tolist() == [0, 0, 1, 1]
         for call in (lambda: simulate(machine, 0.5, hops=1), lambda: simulate(machine, 0.5, time=1.0)):
-            with pytest.raises(InputError, match=r"alpha = 0\.5 is no launch"):
+            with pytest.raises(InputError, match=r"alpha = 0\.5 is not a launch"):
                 call()
         with pytest.raises(NoOrbit, match="is no launch"):
             multiplier(machine, 0.5)
@@ -187,15 +187,15 @@ class TestStatuses:
         (lambda: simulate(Hopper(), 4.0, hops=1, inject=np.nan), "inject = nan is not a finite number"),
         (lambda: simulate(Hopper(), 4.0, hops=1, inject="x"), "inject = 'x' is not a finite number"),
         (lambda: simulate(Hopper(), "x", hops=1), "x is not a saved orbit"),
-        (lambda: simulate(Hopper(), 4.0, hops="x"), "hops = 'x'; it is a number of lift-offs"),
-        (lambda: simulate(Hopper(), 4.0, time="x"), "time = 'x'; it is a number above 0"),
-        (lambda: simulate(Hopper(), 4.0, time=np.nan), "time = nan; it is a number above 0"),
-        (lambda: simulate(Hopper(), 4.0, hops=1, cap="x"), "cap = 'x'; it is a number of impacts, from 1"),
-        (lambda: simulate(Hopper(), state="x", hops=1), "state = 'x'; it is 4 numbers"),
+        (lambda: simulate(Hopper(), 4.0, hops="x"), "hops = 'x'; it must be a number of lift-offs"),
+        (lambda: simulate(Hopper(), 4.0, time="x"), "time = 'x'; it must be a number above 0"),
+        (lambda: simulate(Hopper(), 4.0, time=np.nan), "time = nan; it must be a number above 0"),
+        (lambda: simulate(Hopper(), 4.0, hops=1, cap="x"), "cap = 'x'; it must be a number of impacts, from 1"),
+        (lambda: simulate(Hopper(), state="x", hops=1), "state = 'x'; it must be 4 numbers"),
         (lambda: ReturnMap(Hopper(), inject="x"), "inject = 'x' is not a finite number"),
-        (lambda: ReturnMap(Hopper())("x"), "alpha = 'x'; launch speeds are numbers"),
+        (lambda: ReturnMap(Hopper())("x"), "alpha = 'x'; launch speeds must be numbers"),
         (lambda: multiplier(Hopper(), "x"), "alpha = 'x' is not a finite number"),
-        (lambda: multiplier(Hopper(), -1), "alpha = -1; a launch speed is above 0"),
+        (lambda: multiplier(Hopper(), -1), "alpha = -1; a launch speed must be above 0"),
         (lambda: multiplier(Hopper(), np.nan), "alpha = nan is not a finite number"),
     ],
 )

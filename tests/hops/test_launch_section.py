@@ -49,7 +49,7 @@ def test_a_simulation_with_injection_is_the_map():
 @pytest.mark.parametrize(
     ("machine", "launch", "wrong"),
     [
-        (Hopper(), {"alpha": 4.6}, "has the numbers liftoff, alpha: it needs 'liftoff'"),
+        (Hopper(), {"alpha": 4.6}, "has the numbers liftoff, alpha, but it needs 'liftoff'"),
         (column(), {"liftoff": 1.0, "alpha": 6.4, "y1": -1.2, "y1'": 1.1, "y9": 0.0}, "it has no 'y9'"),
     ],
 )

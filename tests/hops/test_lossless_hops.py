@@ -51,5 +51,5 @@ def test_crossings_are_zeros_of_their_test_functions():
 
 
 def test_the_multiplier_of_a_launch_speed_crosses_nothing():
-    with pytest.raises(InputError, match="a speed alone: the one multiplier of its lossless hops is 1"):
+    with pytest.raises(InputError, match="one speed, so its lossless hops have one multiplier"):
         LosslessHops(Hopper())

@@ -108,7 +108,7 @@ def test_what_multipliers_say():
     assert "neutral to first order: 1 of 3 multipliers on the unit circle" in printed(*hop_of())
     assert "launches with less energy than the lossless hop never come to it" in printed(*hop_of())
     assert "unstable: 1 of 3 multipliers outside the unit circle" in printed(*hop_of("chain_hand"))
-    assert "say nothing of stability" in printed(column(), (6.4, -1.2, 1.1))
+    assert "do not determine its stability" in printed(column(), (6.4, -1.2, 1.1))
     inside = HopMultipliers(("alpha",), np.ones(1), np.ones(1), np.array([[0.5]]))
     assert inside.stability == "linearly stable"
     assert "linearly stable to first order" in str(inside)
@@ -118,10 +118,10 @@ SI = hopper_in_si(2.0, 1.0, force="k*r", parameters={"k": 2000.0}, ground=Ground
 
 
 def test_launches_and_injections_in_messages_are_in_si():
-    with pytest.raises(NoOrbit, match=r"^alpha = -4 m/s, ground = 0 m, ground' = 0 m/s is no launch"):
+    with pytest.raises(NoOrbit, match=r"alpha = -4 m/s, ground = 0 m, ground' = 0 m/s is not a launch"):
         multipliers(SI, (-4.0, 0.0, 0.0))
     orbit = find_all(SI, starts(SI))[0]
-    with pytest.raises(NoOrbit, match=r"^inject = -0\.001 m/s takes energy away here"):
+    with pytest.raises(NoOrbit, match=r"^inject = -0\.001 m/s energy here"):
         ReturnMap(SI, inject=-1e-3).periodic_hop(orbit)
 
 
@@ -146,7 +146,7 @@ def test_a_launch_that_lands_on_a_heavy_hand_is_periodic():
         (4.6, InputError, "an array .* 3.* of alpha, y1, y1'"), ({"alpha": 4.6, "y1": 0.0}, InputError, "needs 'y1''"),
         ((1.0, 0.0, np.nan), InputError, "one launch is 3 numbers"), ("x", InputError, "x is not a saved orbit"),
         ({"alpha": 4.6, "y1": 0.0, "y1'": 0.0, "y9": 1.0}, InputError, "no 'y9'"),
-        ((-1.0, 0.0, 0.0), NoOrbit, "no launch: the contact would not open"),
+        ((-1.0, 0.0, 0.0), NoOrbit, "not a launch: the contact would not open"),
     ],
 )  # fmt: skip
 def test_launches_without_multipliers(launch, error, message):
@@ -166,5 +166,5 @@ def test_a_launch_that_rounding_lands_has_no_multipliers(launch):
 
 
 def test_one_multiplier_is_refused_where_there_are_several():
-    with pytest.raises(InputError, match=r"more than a speed: multipliers\(machine, launch\)"):
+    with pytest.raises(InputError, match=r"a column has several numbers: multipliers\(machine, launch\)"):
         multiplier(column(), 4.6)

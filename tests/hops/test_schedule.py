@@ -41,7 +41,7 @@ def test_a_contact_ends_where_new_inputs_would_have_it_pull():
 
 def test_a_schedule_names_what_may_change_in_time():
     linear = hopper_in_si(60.0, 3.0, stiffness=5000.0, rest_length=0.8)
-    with pytest.raises(InputError, match="none that may change in time"):
+    with pytest.raises(InputError, match="may change in time"):
         simulate(linear, 1.5, hops=1, schedule=([0.0, 1.0], {"stiffness": [1.0]}))
     for machine in (Hopper(rest_length=20.0), linear):
         with pytest.raises(InputError, match="schedule: the machine has no parameter 'zz'"):

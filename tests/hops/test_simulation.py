@@ -80,11 +80,11 @@ def test_a_cap_ends_with_a_status():
         ({"alpha": -2.0, "hops": 1}, "above 0"),
         ({"hops": 1}, "give one of them"),
         ({"alpha": 2.0, "state": [1, 2, 3, 4], "hops": 1}, "give one of them"),
-        ({"state": [1, 2, 3], "hops": 1}, "is 4 numbers, y1, y1', y2, y2'"),
+        ({"state": [1, 2, 3], "hops": 1}, "4 numbers, y1, y1', y2, y2'"),
         ({"state": [1, 2, -3, 4], "hops": 1}, "must be open"),
-        ({"state": find(Hopper()), "hops": 1}, "begins with its launch"),
-        ({"alpha": 2.0, "hops": 0}, "hops = 0; it is a number of lift-offs, from 1"),
-        ({"alpha": 2.0, "time": -1.0}, "time = -1.0; it is a number above 0"),
+        ({"state": find(Hopper()), "hops": 1}, "begins with the orbit's launch"),
+        ({"alpha": 2.0, "hops": 0}, "hops = 0; it must be a number of lift-offs, from 1"),
+        ({"alpha": 2.0, "time": -1.0}, "time = -1.0; it must be a number above 0"),
     ],
 )
 def test_what_cannot_be_meant(arguments, words):

@@ -159,7 +159,7 @@ def test_states_on_the_ground(run):
     assert motion.unrolled(0.0)[0] == pytest.approx(2.0, abs=1e-15)
     assert motion.end == pytest.approx(run.contact_time - 0.3, abs=1e-10)
     state[1] = 0.1
-    with pytest.raises(InputError, match="its foot sticks to the ground, where 'x'' is 0"):
+    with pytest.raises(InputError, match="its foot sticks to the ground, so 'x'' must be 0"):
         simulate(run.source, state=state, hops=1)
 
 

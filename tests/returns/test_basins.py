@@ -42,9 +42,9 @@ def test_the_table_and_the_share(of_leg, tmp_path):
     assert sum(path.get_extents().width for path in row.get_paths()) == pytest.approx(length)
     assert not faults(axes.figure)
     assert sum(basins.share_of(kind) for kind in ("slower", "rests", "undecided")) + basins.share == pytest.approx(1)
-    with pytest.raises(InputError, match="none of the launch speeds of attracting hops"):
+    with pytest.raises(InputError, match="not a launch speed of attracting hops"):
         basins.share_of(1.0)
-    with pytest.raises(InputError, match=r"'undecidd' is nothing that launches come to; here they come to .*lossless"):
+    with pytest.raises(InputError, match=r"'undecidd' is not where launches come to; here they come to .*lossless"):
         basins.share_of("undecidd")
     assert basins.share_of("chaotic") == 0.0
 

@@ -55,13 +55,13 @@ def test_a_pair_of_multipliers_crosses_the_unit_circle():
 def test_refusals(options, message):
     with pytest.raises(InputError, match=message):
         bifurcations(chain_hand((1, 1, 1)), "inject", (0.01, 0.02), (2.5, 3.2), **options)
-    with pytest.raises(InputError, match=r"starts = \[\]; give launches"):
+    with pytest.raises(InputError, match=r"starts = \[\]; it must be a list of launches"):
         bifurcations(chain_hand((1, 1, 1)), "inject", (0.01, 0.02), (2.5, 3.2), starts=[])
-    with pytest.raises(InputError, match="leave them out"):
+    with pytest.raises(InputError, match="leave starts out"):
         bifurcations(Hopper(), "inject", (0.01, 0.02), (4.4, 4.7), starts=[4.5])
 
 
 def test_starts_that_lead_nowhere_are_said_to_and_nothing_of_other_hops():
     machine, orbit = hop_of("chain_hand")
-    with pytest.raises(NoOrbit, match=r"lead to no hops that come back: inject = -0\.01 takes energy away"):
+    with pytest.raises(NoOrbit, match=r"to hops that come back: inject = -0\.01 removes energy"):
         bifurcations(machine, "inject", (-0.02, -0.01), (2.5, 3.2), starts=orbit, sections=2)

@@ -68,5 +68,5 @@ def test_a_simulation_ends_where_the_map_is_undecided():
     ],
 )  # fmt: skip
 def test_intervals_of_speeds_are_refused(verb):
-    with pytest.raises(InputError, match="say nothing where a launch has 3 numbers, alpha, y1, y1'"):
+    with pytest.raises(InputError, match="have no meaning where a launch has 3 numbers, alpha, y1, y1'"):
         verb(ReturnMap(column()))

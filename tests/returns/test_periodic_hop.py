@@ -41,7 +41,7 @@ def test_one_orbit_alone_or_its_file_is_a_start_and_none_is_not(tmp_path):
     assert [hop.launches.tolist() for hop in step.fixed_points(starts=file)] == [hop.launches.tolist() for hop in alone]
     assert multipliers(machine, str(file)).values.tolist() == multipliers(machine, orbit).values.tolist()
     for none in ([], np.float64(np.nan), 4.6):
-        with pytest.raises(InputError, match=r"starts = .*; give launches, .* in a list"):
+        with pytest.raises(InputError, match=r"starts = .*; it must be a list of launches"):
             step.fixed_points(starts=none)
 
 
@@ -61,7 +61,7 @@ def test_fixed_points_and_hops_of_two_of_one_speed():
     hop = step.periodic_hop(4.6, 2)
     assert hop.period == 2
     assert step(hop.launches[:, 0]).next == pytest.approx(hop.launches[::-1, 0], rel=1e-10)
-    with pytest.raises(NoOrbit, match="comes to hops of period 1"):
+    with pytest.raises(NoOrbit, match="reaches hops of period 1"):
         step.periodic_hop(high.alpha, 2)
 
 
@@ -71,7 +71,7 @@ def test_lossless_hops():
     assert (hop.kind, hop.stability, hop.period) == ("lossless", "neutral", 1)
     with pytest.raises(InputError, match="find them with `find`"):
         ReturnMap(machine).periodic_hop((6.4, -1.2, 1.1))
-    with pytest.raises(NoOrbit, match="takes energy away"):
+    with pytest.raises(NoOrbit, match="removes energy"):
         ReturnMap(machine, inject=-1e-3).periodic_hop(orbit)
 
 
@@ -90,5 +90,5 @@ def test_starts_from_which_nothing_is_found():
     assert step.fixed_points(starts=[(3.0, 0.0, 0.0)]) == ()
     with pytest.raises(NoOrbit, match=r"rests|has not ended|start elsewhere|start nearer"):
         step.periodic_hop((3.0, 0.0, 0.0))
-    with pytest.raises(InputError, match="low and high, or from starts"):
+    with pytest.raises(InputError, match="low and high, between which to search fixed points, or starts"):
         ReturnMap(Hopper()).fixed_points()

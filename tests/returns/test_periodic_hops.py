@@ -74,7 +74,7 @@ def test_the_result_says_what_it_rests_on(tmp_path):
     axes = hops.plot()
     assert len(axes.get_legend().get_texts()) == 2
     assert not faults(axes.figure)
-    with pytest.raises(InputError, match="0 < low < high"):
+    with pytest.raises(InputError, match="0 < low < high must hold"):
         ReturnMap(Hopper()).periodic_hops(2, 3.0, 2.0)
 
 
@@ -84,7 +84,7 @@ def test_a_map_that_is_not_resolved_is_not_complete(monkeypatch):
     hops = ReturnMap(Hopper(), inject=0.1).periodic_hops(2, LOW, HIGH)
     assert (len(hops), hops.unresolved) == (0, ((LOW, HIGH),))
     assert "not complete" in str(hops)
-    assert "no launch has a next one" not in str(hops)
+    assert "no launch there has a next launch" not in str(hops)
     points = ReturnMap(Hopper(), inject=0.1).fixed_points(LOW, HIGH, samples=400)
     assert points == ()
     known = 4.4773, 4.5553

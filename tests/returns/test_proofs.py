@@ -12,10 +12,10 @@ from problems import Chain, Hopper
     [
         (Hopper(restitution=0.2), "0.03", "restitution = 0.2"),
         (Hopper(damping=0.01), "0.03", "friction"),
-        (Chain(), "0.03", "more than a speed"),
+        (Chain(), "0.03", "has several numbers"),
         (Hopper(), "0", "above 0"),
-        (Hopper(), ("0.03", "0.02"), "first bound is the lower one"),
-        (Hopper("inject*r", parameters={"inject": 1.0}), "0.03", "another name"),
+        (Hopper(), ("0.03", "0.02"), "low must not be above high"),
+        (Hopper("inject*r", parameters={"inject": 1.0}), "0.03", "name"),
     ],
 )
 def test_what_no_theorem_is_about(machine, inject, message):

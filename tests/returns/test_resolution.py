@@ -83,10 +83,10 @@ def test_the_basin_is_what_comes_to_a_lossless_hop(machine):
     ("call", "words"),
     [
         (lambda step: step.fixed_points("a", 3), "low = 'a' is not a finite number"),
-        (lambda step: step.fixed_points(3, 2), "0 < low < high"),
-        (lambda step: ReturnMap(Hopper(), inject=0.1).fixed_points(2, 3, samples=0), "samples = 0; it is a"),
-        (lambda step: step.preimages([(4.0, 4.1)], 12, 3), "0 < low < high"),
-        (lambda step: step.preimages([(4.0, 4.1)], 3, 1e308), "a launch speed is at most 1e\\+15"),
+        (lambda step: step.fixed_points(3, 2), "0 < low < high must hold"),
+        (lambda step: ReturnMap(Hopper(), inject=0.1).fixed_points(2, 3, samples=0), "samples = 0; it must be a"),
+        (lambda step: step.preimages([(4.0, 4.1)], 12, 3), "0 < low < high must hold"),
+        (lambda step: step.preimages([(4.0, 4.1)], 3, 1e308), "a launch speed must be at most 1e\\+15"),
         (lambda step: step.preimages([(4.1, 4.0)], 3, 12), "the launch speeds of an interval"),
     ],
 )  # fmt: skip
