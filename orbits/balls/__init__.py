@@ -1,5 +1,5 @@
-"""Numbers and motions enclosed in balls: programs, Taylor steps with their tubes, sets of
-motions, roots and signs. The lemmas behind them are in the room `proof`."""
+"""Enclosures of numbers and motions in balls: programs, Taylor steps with their tubes, sets of motions, roots and
+signs. The room `proof` has the lemmas behind them."""
 
 from typing import TYPE_CHECKING
 

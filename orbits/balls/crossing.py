@@ -5,7 +5,7 @@ is that of a smooth system, whose tube stays off the breakpoints. Across one, fo
 needs, x' lies in the hull of both laws' rates F over a tube that holds the motion: where x0 + [0, h] F is inside the
 tube, x(t) is in x0 + t F. The difference of two motions obeys d' = A(t) d with A in the hull of both laws' Jacobians,
 as the rates are continuous, so that the variational equations are crossed in the same way. The speed of the coordinate
-does not vanish (a transversal crossing): else the set does not come to the other side, and nothing is proved.
+must not vanish (a transversal crossing): else the set does not reach the other side, and nothing is proved.
 """
 
 from collections.abc import Sequence
@@ -77,7 +77,7 @@ class Breakpoints:
             for law in range(len(self.values) + 2 - count):
                 if self.holds(law, states, law + count - 1):
                     return tuple(range(law, law + count))
-        raise Unproved("the motions are spread over several pieces of the spring's law")
+        raise Unproved("the motions spread over several pieces of the spring's law")
 
 
 NO_BREAKPOINTS = Breakpoints((), [])
@@ -182,7 +182,7 @@ def _across(
     """A step across a breakpoint, for as long as all states need to be on the other side."""
     both = (law, beyond)
     if not breakpoints.holds(min(both), states, max(both)):  # from there the coordinate is monotone
-        raise Unproved("the motions are spread over several pieces of the spring's law")
+        raise Unproved("the motions spread over several pieces of the spring's law")
     goal = breakpoints.values[max(both) - 1]
     speed = breakpoints.coordinate(systems[law].rates([*states]))
     if not (speed > 0 or speed < 0):

@@ -127,7 +127,7 @@ def follow_curve(
     variation: Variation, starts: Sequence[TaylorModel], spreads: Sequence[Sequence[arb]]
 ) -> list[CurveStep]:
     """The steps from the time 0 to 1 of the motions that start within spreads (sets, n) of the polynomials of models
-    (n,), the last of which is the widest; raises `Unproved`."""
+    (n,), whose last one is the widest; raises `Unproved`."""
     m, n = variation.moving, variation.size
     system, left = variation.varied[0], arb(1)
     frame = arb_mat(m, m, [int(i == j) for i in range(m) for j in range(m)])
@@ -191,7 +191,7 @@ def _step_length(rows: Sequence[list[list[arb]]], left: arb) -> arb:
         share = max(share, last / size)
     length = CURVES.shorter * (CURVES.accuracy / share) ** (1 / CURVES.time_degree) if share > 0 else np.inf
     if not np.isfinite(share):
-        raise Unproved("the motion comes to where a law has no value")
+        raise Unproved("the motion reaches a place where a law has no value")
     if not length < float(left):
         return left
     return with_few_digits(float(left) / np.ceil(float(left) / length))

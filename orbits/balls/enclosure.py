@@ -36,7 +36,7 @@ TOO_LONG = f"the motion takes more than {SETS.most_steps} steps"
 
 @dataclass(frozen=True)
 class Variation:
-    """A system of n states, of which the first are moving and the others constant, with its variational equations.
+    """A system of n states, first moving ones and then constant ones, with its variational equations.
 
     size : n, the number of states
     moving : m, the number of moving states

@@ -1,8 +1,8 @@
 """A statement on balls: each arc becomes a leg, a system that is followed for one unit of time, and the conditions at
 the ends of the legs become equations with their derivatives.
 
-The states of a leg are those of its arc, the time that it takes, and the parameters that are only known within
-intervals. The unknowns of a proof are those of the statement and, after them, these parameters.
+The states of a leg are the states of its arc, its duration, and the parameters that are known only within intervals.
+The unknowns of a proof are those of the statement and, after them, these parameters.
 """
 
 import itertools
@@ -139,7 +139,7 @@ class BallLeg:
                         if not undecided:
                             continue
                         if left == 0:
-                            raise Unproved(f"the motion comes to or near where {undecided[0]} has no value")
+                            raise Unproved(f"the motion comes near a place where {undecided[0]} has no value")
                         middle = (low + high) / 2
                         waiting += [(middle, high, left - 1), (low, middle, left - 1)]
 
@@ -154,7 +154,7 @@ def system_of(states: list[ExactExpression], rates: list[ExactExpression]) -> Sy
                 slopes.append(slope)
     moving = [i for i, rate in enumerate(rates) if rate is not ZERO]
     parts = list[StatesOfPart]()
-    # Not the derivatives, one of which may vanish where the state does not cancel in the expression itself.
+    # Not the derivatives, since one may vanish where the state does not cancel in the expression itself.
     known = symbols_in(rates)
     contained = [known[rate] for rate in rates]
     needs = [(i, j) for i in moving for j, state in enumerate(states) if state in contained[i]]

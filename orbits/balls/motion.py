@@ -159,7 +159,7 @@ class Motion:
         if not turns_at_end and marks[-1][0] == 0:
             marks.append((_sign(self.last(each, 1)), 0))
         if marks[0][0] == 0 or (marks[-1][0] != 0) == turns_at_end:
-            raise Unproved("the extension hangs where the motion begins or ends")
+            raise Unproved("the extension is stationary too long where the motion begins or ends")
         turns, before, slope = 0, marks[0][0], 0
         for sign, slope_here in marks:
             if sign == 0:

@@ -98,8 +98,8 @@ def _constant_ball(each: ExactExpression, parts: Sequence[arb]) -> arb:
 
 
 def coefficient(value: Value, order: int) -> arb:
-    """A Taylor coefficient of a result; a ball is a constant series. It is no number where the series is cut off
-    before, as after a division by a series that begins with 0."""
+    """A Taylor coefficient of a result; a ball is a constant series. It is not a number where the series is cut off
+    before, for example after a division by a series that begins with 0."""
     if isinstance(value, arb_series):
         return value[order] if order < value.prec else arb("nan")
     return value if order == 0 else _NULL
@@ -148,7 +148,7 @@ def _cosh(x: arb_series) -> arb_series:
 
 
 def _ball_power(x: Value, y: Value) -> Value:
-    """x**y for an exponent that is no whole number, where x is positive."""
+    """x**y for an exponent that is not a whole number, where x is positive."""
     return (y * x.log()).exp()
 
 

@@ -25,7 +25,7 @@ from flint import arb, arb_poly, arb_series, ctx
 from ..exact import Unproved
 from .programs import UNDEFINED, BallProgram, Value, coefficient
 
-SPREADING = "the set of motions spreads too far to be enclosed; narrower intervals of parameters would help"
+SPREADING = "the set of motions spreads too far to be enclosed; narrow the intervals of the parameters"
 
 
 class SetOptions(NamedTuple):
@@ -44,7 +44,7 @@ class SetOptions(NamedTuple):
     step_bits: int = 16  # of the length of a step, few enough that sums of steps are exact
     order_per_bit: float = 0.36  # of polynomials for the centre: about half of log 2, where steps cost the least
     most_steps: int = 2000  # of a motion
-    # Steps whose mean length shows whether a set spreads: beside a pole of a law steps are short for a while.
+    # Steps whose mean length shows whether a set spreads: near a pole of a law steps are short for a while.
     observed_steps: int = 50
     hopeless: int = 100  # a set is given up where the rest would take this many times the steps that remain
     spread: float = 1e-3  # width of a set that has spread, as a share of its largest state
@@ -133,7 +133,7 @@ def picard_coefficients(system: System, centre: Sequence[arb], order: int) -> li
             if all(len(found[i]) > order for i in moving):
                 break
     except UNDEFINED:
-        raise Unproved("the motion comes to where a law has no value") from None
+        raise Unproved("the motion reaches a place where a law has no value") from None
     finally:
         ctx.cap = cap
     return [row if i in moving else row + [arb(0)] * order for i, row in enumerate(found)]
@@ -163,7 +163,7 @@ def _newton_coefficients(system: System, rows: list[list[arb]], count: int) -> l
     try:
         rates, slopes = on_series(system.rates, count - 1), on_series(system.slopes, known)
     except UNDEFINED:
-        raise Unproved("the motion comes to where a law has no value") from None
+        raise Unproved("the motion reaches a place where a law has no value") from None
     finally:
         ctx.cap = cap
     by_state = [
@@ -194,7 +194,7 @@ def take_step(
     for _ in range(SETS.tries):
         defect = _remainder(system, polynomials, h, order)
         off = max((float(each) / size for each, size in zip(defect, sizes, strict=True)), default=0.0)
-        if off > SETS.most_off * accuracy:  # also where it is no number
+        if off > SETS.most_off * accuracy:  # also where it is not a number
             h = with_few_digits(
                 float(h) * (max((accuracy / off) ** (1 / order), SETS.least_share) if off < np.inf else 0.5)
             )
@@ -204,7 +204,7 @@ def take_step(
             return step
         h = h / 2
     if not all(rate.is_finite() for rate in system.rates(centre)):
-        raise Unproved("the motion comes to or near where a law has no value")
+        raise Unproved("the motion comes near a place where a law has no value")
     raise Unproved(SPREADING)
 
 
@@ -238,7 +238,7 @@ def with_few_digits(length: float) -> arb:
 
 
 def _sizes(rows: list[list[arb]]) -> list[float]:
-    """The sizes of the states (n,), from their values and rates; for those that begin at 0, from the moving states."""
+    """The sizes of the states (n,), from their values and rates; for states that begin at 0, from the moving states."""
     sizes = [max(abs(float(row[0].mid())), abs(float(row[1].mid()))) for row in rows]
     moving = [size for size, row in zip(sizes, rows, strict=True) if not row[1].is_zero()]
     least = max(SETS.small * max(moving, default=0.0), 1e-30)

@@ -109,9 +109,9 @@ def prove_root(equations: Equations, guess: Sequence[float], bits: int, boxes: S
         root = narrowed_root(equations, ProvedRoot(inner, centre, radii, evaluated), bits)
         if root.unique_within([arb(1)] * len(centre)) > 0:
             break
-        reason = ": rounded outward, its enclosure reaches beyond where it is proved to be the only one"
+        reason = ": rounded outward, its enclosure reaches beyond the set in which it is proved unique"
     else:
-        raise Unproved(f"no box about the numerical solution is proved to hold a root{reason}")
+        raise Unproved(f"no box around the numerical solution is proved to contain a root{reason}")
     for name, value in zip(equations.unknowns, root.box, strict=True):
         if name in POSITIVE_UNKNOWNS and not value > 0:
             raise Unproved(f"{name} is not proved to be positive")
@@ -125,7 +125,7 @@ def evaluated_on(
     try:
         return equations.evaluate(centre, radii, ctx.prec, wide, fineness)
     except (*UNDEFINED, np.linalg.LinAlgError):
-        raise Unproved("the motion comes to where a law has no value") from None
+        raise Unproved("the motion reaches a place where a law has no value") from None
 
 
 def _common(value: arb, other: arb) -> arb:

@@ -167,7 +167,7 @@ class TaylorModel:
         return bool(self.bound.is_finite())
 
     def is_nan(self) -> bool:
-        """Whether the bound is no number, and not infinite either."""
+        """Whether the bound is neither a number nor infinite."""
         return bool(self.bound.is_nan())
 
     def on(self, s: arb, t: arb = ALL_TIMES) -> arb:

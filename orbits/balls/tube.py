@@ -54,14 +54,14 @@ def evaluate_curve(
     last = list[tuple[Models, Models]]()
     for leg in legs:
         if len(leg.rates) > 1:
-            raise Unproved("the spring's law is in pieces: a curve is proved of laws that are smooth")
+            raise Unproved("the spring's law is in pieces, but a curve can be proved only for smooth laws")
         m, n, columns = leg.variation.moving, leg.variation.size, len(points)
         before = last[-1] if last else ([], [])
         starts_of_both = zip((points, boxes), before, strict=True)
         start = [[*map(as_model, leg.start([*each, *ends]))] for each, ends in starts_of_both]
         by_unknowns = _model_rows(leg.start_slopes([*boxes, *before[1]]), n)
         if not all(each.bound == 0 for row in by_unknowns for each in row[columns:]):
-            raise Unproved("a phase starts from the end of the one before")
+            raise Unproved("a phase must start from the end of the previous one")
         by_unknowns = [row[:columns] for row in by_unknowns]
         spreads = [[_spread_about(each, about) for each, about in zip(one, start[1], strict=True)] for one in start]
         steps = follow_curve(leg.variation, start[1], spreads)
@@ -164,7 +164,7 @@ class TooWide(Unproved):
     """A tube is too wide, and one of a share of its width may be proved."""
 
     def __init__(self, share: float):
-        super().__init__("the curve is not proved to stay in a tube about its polynomials")
+        super().__init__("the curve is not proved to stay in a tube around its polynomials")
         self.share = share
 
 
@@ -190,7 +190,7 @@ def _tube(
         needed = max(float(each / width) for each, width in zip(off, widths, strict=True))
         share = max(float((radius - each) / width) for radius, each, width in zip(radii, off, widths, strict=True))
         if not 4 * needed * share < 1:
-            raise Unproved("the curve is not proved to stay in a tube about its polynomials")
+            raise Unproved("the curve is not proved to stay in a tube around its polynomials")
         raise TooWide(0.5 / share)
     for _ in range(CURVES.narrowings):
         radii = image(radii)

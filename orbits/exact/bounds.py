@@ -6,7 +6,7 @@ from decimal import Decimal
 
 @dataclass(frozen=True)
 class Enclosure:
-    """An interval that is proved to hold a number, by two decimals that are rounded outward."""
+    """An interval that is proved to contain a number; its bounds are decimals rounded outward."""
 
     low: str
     high: str

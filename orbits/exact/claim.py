@@ -91,13 +91,13 @@ def claim_of(
     parameters; `tune` and `at` are as in `prove`. Raises `InputError` where the machine is not known, and for an orbit
     of another kind of machine."""
     if not isinstance(orbit, Orbit):
-        raise InputError(f"a {type(orbit).__name__} is no orbit to prove: give prove(find(machine))")
+        raise InputError(f"a {type(orbit).__name__} cannot be proved: pass an orbit, prove(find(machine))")
     machine = orbit.source if machine is None else machine
     if machine is None:
-        raise InputError("this orbit does not know its machine: give prove(orbit, machine=...)")
+        raise InputError("this orbit does not know its machine: pass prove(orbit, machine=...)")
     states = machine.model.flight.states
     if orbit.flight.names[: len(states)] != states:
-        raise InputError(f"this is an orbit of another machine, with the states {', '.join(orbit.flight.names)}")
+        raise InputError(f"this orbit belongs to another machine, with the states {', '.join(orbit.flight.names)}")
     unknowns = machine.model.launch_at(orbit.flight(0.0)[: len(states)].tolist())
     unknowns |= {"alpha": orbit.alpha, FLIGHT_DURATION: orbit.flight_time / 2}
     if orbit.contact_time is not None:
@@ -121,11 +121,11 @@ def _tuning_of(
     at: Mapping[str, ExactNumber] | None,
 ) -> tuple[tuple[str, ...], Mapping[str, ExactNumber]]:  # fmt: skip
     """The names of the parameters that are unknowns, and the exact values of quantities: by default those of the orbit,
-    but for quantities that no equation of half an orbit prescribes and as many of its last parameters, which have their
-    numbers. The step is always unknown where a coordinate sticks."""
+    except for quantities that no equation of half an orbit prescribes and as many of its last parameters, which have
+    their numbers. The step is always unknown where a coordinate sticks."""
     if not isinstance(at, Mapping | None):
-        raise InputError(f"at = {at!r}; it is a mapping of quantities to values, as at={{'speed': '0.4'}}")
-    # Above a foot that stands the mean speed in flight is no equation of half an orbit at lift-off.
+        raise InputError(f"at = {at!r}; it must be a mapping of quantities to values, such as at={{'speed': '0.4'}}")
+    # Above a foot that stands the mean speed in flight gives no equation of half an orbit at lift-off.
     by_equations = BY_EQUATIONS if machine.model.sticks else PRESCRIBED
     known = {name: value for name, value in orbit.prescribed.items() if name in by_equations}
     own = [name for name in orbit.tuned if name != STEP_LENGTH]
@@ -147,20 +147,20 @@ def _contradictions(claimed: Mapping[str, Any], described: Mapping[str, Any], va
     pairs += [(name, ours.get(name), theirs.get(name)) for name in sorted({*ours, *theirs}) if name not in varied]
     ours, theirs = (dict(each.get("units") or {}) for each in (claimed, described))
     pairs += [(f"the unit of {name}", ours[name], unit) for name, unit in theirs.items() if name in ours]
-    return [f"{name}: the orbit says {own!r}, and the machine {true!r}" for name, own, true in pairs if own != true]
+    return [f"{name}: the orbit states {own!r}, but the machine {true!r}" for name, own, true in pairs if own != true]
 
 
 def _wrong_measurements(
     orbit: Orbit, machine: Machine, tuned: Sequence[str], prescribed: Mapping[str, ExactNumber]
 ) -> list[str]:
-    """The claims of an orbit about its motion that contradict the same orbit measured anew, in words."""
+    """The claims of an orbit about its motion that contradict the same orbit measured again, in words."""
     sticks = machine.model.sticks  # whose orbits are found with tuned numbers alone
     names = [name for name in tuned if name != STEP_LENGTH] if sticks else None
     at = {name: float(exact_fraction(name, value)) for name, value in prescribed.items()} if sticks else None
     try:
         anew = find(machine, start=orbit, tune=names, at=at)
     except (NoOrbit, InputError) as error:
-        return [f"the orbit cannot be measured anew: {error}"]
+        return [f"the orbit cannot be measured again: {error}"]
     claimed, true = orbit.certificate, anew.certificate
     length, force = anew.alpha * anew.flight_time, true.largest_contact_force or 0.0
     sizes = {**dict.fromkeys(LENGTHS, length), **dict.fromkeys(FORCES, force), **dict.fromkeys(OTHERS, 0.0)}
@@ -169,8 +169,10 @@ def _wrong_measurements(
     for name, size in sizes.items():
         own, other = getattr(claimed, name), getattr(true, name)
         if not _agree(own, other, MEASURED_TO * size + errors[name]):
-            found.append(f"{name}: the orbit says {own!r}, and measured anew it is {other!r}")
-    return found + ([] if _same_motion(orbit, anew) else ["the motion: the orbit's states are not those of its launch"])
+            found.append(f"{name}: the orbit states {own!r}, but measured again it is {other!r}")
+    return found + (
+        [] if _same_motion(orbit, anew) else ["the motion: the orbit's states do not follow from its launch"]
+    )
 
 
 def _agree(claimed: object, true: object, error: float) -> bool:

@@ -25,7 +25,7 @@ def exact_fraction(name: str, value: str | float | Decimal | Fraction) -> Fracti
         float(exact := Fraction(decimal))  # an OverflowError where no floating-point number is near
         return exact
     except (ArithmeticError, ValueError, TypeError):
-        raise InputError(f"{name} = {str(value)[:40]!r} is no decimal number that can be computed with") from None
+        raise InputError(f"{name} = {str(value)[:40]!r} is not a decimal number") from None
 
 
 def is_decimal(value: Fraction) -> bool:

@@ -97,7 +97,7 @@ class ExactMechanics:
     parameters : the expression of each name: a number, a function of the `share` of an interval, or the symbol of an
         unknown
     kinetics, closed : the kinetic energy, and that while the gap is closed; inertia : M (n, n)
-    gap : its weights (n,), exact, the largest of which is 1
+    gap : its weights (n,), exact; the largest one is 1
     sticks : the coordinates that stick
     independent, embed : the coordinates of the contact, and the exact matrix (n, n - 1 - sticks) from these to all
     conservative, forces : (laws, n), Q and Q - C
@@ -108,7 +108,7 @@ class ExactMechanics:
     reversor, contact_reversor : of y and v in flight, and of s and w in contact; without stated maps both reverse time
         alone
     order, contact_order : 1 where these leave the pieces of a law in order, -1 where they are in the opposite order
-    domains : the conditions of each formula that is no spring's law along the motion
+    domains : the conditions along the motion of each formula that is not the law of a spring
     law_domains : the conditions of each law of a machine in pieces; one entry where there are no pieces
     """
 
@@ -136,7 +136,7 @@ class ExactMechanics:
         )  # fmt: skip
         names = [stated.coordinates[i] for i in self.independent]
         if stated.launch not in names:
-            raise Unproved(f"'{stated.launch}' is no coordinate of the contact")
+            raise Unproved(f"'{stated.launch}' is not a coordinate of the contact")
         self.launched = names.index(stated.launch)
         self.counts = self.formula(stated.counts)
         self.separation = None if stated.separation is None else self.formula(stated.separation)
@@ -151,7 +151,7 @@ class ExactMechanics:
         self.contact_force, *holding = self.closed.forces(rows_of(self.accelerations, self.size))
         self.holding_forces = rows_of(holding, len(columns[0]))
         if depends_on(self.functions, [self.y[i] for i in self.sticks]):
-            raise Unproved("something depends on the place of a coordinate that sticks")
+            raise Unproved("the machine depends on the place of a coordinate that sticks")
         self.reversor, whole = self._reversors()
         self.contact_reversor, self.order, self.contact_order = whole.on(self.independent), 1, 1
         if stated.steps:
@@ -177,7 +177,7 @@ class ExactMechanics:
         stated = [[square * self.formula(entry) for entry in row] for row in s.inertia] or None
         for i, row in enumerate(stated or []):
             if not all(vanishes(row[j] - other[i]) for j, other in enumerate(stated or []) if j < i):
-                raise Unproved("the stated inertia is not plainly symmetric")
+                raise Unproved("the stated inertia is not shown to be symmetric")
         paths = [
             [Square.of(self._of_parameters(size), self.formula(place), self.y, self.v)]
             for place, size in (*s.masses, *s.inerters)
@@ -188,15 +188,15 @@ class ExactMechanics:
         return found
 
     def _gap(self) -> list[Fraction]:
-        """The weights (n,) of the gap, the largest of which is 1."""
+        """The weights (n,) of the gap; the largest one is 1."""
         gap = self.formula(self.stated.gap)
         weights = self.gradient(gap)
         (at_zero,) = substitute([gap], dict.fromkeys(self.y, ZERO))
         if not all(each.is_number for each in weights) or not at_zero.is_(0):
-            raise Unproved(f"gap '{self.stated.gap}' is no sum of coordinates with numbers before them")
+            raise Unproved(f"gap '{self.stated.gap}' is not a sum of coordinates with numbers before them")
         largest = max(each.value for each in weights)
         if largest <= 0:
-            raise Unproved(f"gap '{self.stated.gap}' is closed by no coordinate that rises")
+            raise Unproved(f"gap '{self.stated.gap}' has no coordinate with a weight above 0 that could close it")
         return [each.value / largest for each in weights]
 
     def _forces(self) -> tuple[ExactPieces | None, list[Domains], ExactRows]:
@@ -252,12 +252,12 @@ class ExactMechanics:
         weights = self.gradient(extension)
         (offset,) = substitute([extension], dict.fromkeys(self.y, ZERO))
         if not all(each.is_number for each in weights):
-            raise Unproved("a law in pieces acts along no sum of coordinates with numbers before them")
+            raise Unproved("a law in pieces must act along a sum of coordinates with numbers before them")
         breaks = tuple(expression_of(each, self.parameters, self.domains) - offset for each in spring.meetings)
         for k, place in enumerate(breaks):
             low, high = (self.pull(spring, piece, place + offset, Domains()) for piece in (k, k + 1))
             if not vanishes(low - high):
-                raise Unproved("the spring's force is not plainly continuous at a breakpoint")
+                raise Unproved("the spring's force is not shown to be continuous at a breakpoint")
         return ExactPieces(tuple(each.value for each in weights), breaks)
 
     @property
@@ -285,11 +285,13 @@ class ExactMechanics:
         (closes,), (again,) = back.turned([gap], self.y, self.v), whole.turned([gap], self.y, self.v)
         for (name, formula), expected in zip(self.stated.gaps, (gap, closes), strict=False):
             if not vanishes(self.formula(formula) - expected):
-                raise Unproved(f"the gap of the {name}, {formula}, is not the one that opens or its image")
+                raise Unproved(f"the gap of the {name}, {formula}, is neither the one that opens nor its image")
         if len(self.stated.gaps) > 2 or not (vanishes(again - gap) or vanishes(again + gap)):
-            raise Unproved("the reversor and the symmetry do not take the closed gap to itself")
+            raise Unproved("the reversor and the symmetry do not map the closed gap to itself")
         if not all(vanishes(whole.shifts[i]) for i in self.sticks):
-            raise Unproved("the reversor and the symmetry do not take what sticks to where it sticks")
+            raise Unproved(
+                "the reversor and the symmetry do not map a coordinate that sticks to the place where it sticks"
+            )
         weights, breaks = (self.pieces.weights, self.pieces.breaks) if self.pieces else ([Fraction(0)] * self.size, ())
         self.order = back.check_turns("the reversor", self.y, self.v, self.inertia, self.forces, weights, breaks)
         self.contact_order = own.check_turns(

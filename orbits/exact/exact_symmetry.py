@@ -1,10 +1,10 @@
 """Time reversal of the equations of a stated machine, decided exactly.
 
 Let the reversor R of the flight take coordinates y to D y + d, and their rates v to -D v, with a matrix D of signs; the
-relabelling S takes y to E y + e, and v to E v. A flight from a launch x that comes to a state R leaves as it is goes
-on to R x, if R turns the equations: M(R y) = D M(y) D for the inertia, and F(R y, R v) = D F(y, v) for the forces. The
-contact begins at S R x, and goes on to Rc S R x = x from a state that Rc = S R leaves as it is, if Rc turns its
-equations. Both need that R and Rc are their own inverses, and that Rc takes the closed gap to itself.
+relabelling S takes y to E y + e, and v to E v. A flight from a launch x that comes to a state R leaves as it is
+continues to R x, if R turns the equations: M(R y) = D M(y) D for the inertia, and F(R y, R v) = D F(y, v) for the
+forces. The contact begins at S R x, and continues to Rc S R x = x from a state that Rc = S R leaves as it is, if Rc
+turns its equations. Both need that R and Rc are their own inverses, and that Rc takes the closed gap to itself.
 
 The force on the point that lands, at a state z before the relabelling, is that on the point that opens at R z, since R
 takes one gap to the other. So in the contact, at S z, it is that at Rc S z = R z.
@@ -35,7 +35,7 @@ class ExactReversor:
             slopes = [derivative_by(each, place) for place in y]
             sign = next((sign for sign in (1, -1) if all(x.is_(sign * (i == j)) for j, x in enumerate(slopes))), 0)
             if not sign:
-                raise Unproved(f"'{names[i]}' is taken to neither itself nor its negative, up to an amount")
+                raise Unproved(f"'{names[i]}' must be mapped to itself or its negative, plus an amount")
             signs.append(sign)
         return cls(tuple(signs), substitute(images, dict.fromkeys(y, ZERO)))
 
@@ -78,14 +78,14 @@ class ExactReversor:
         for sign, row in zip(signs, inertia, strict=True):
             images = zip(signs, row, self.turned(row, y, v), strict=True)
             if not all(vanishes(image - sign * other * each) for other, each, image in images):
-                raise Unproved(f"{what} does not turn the inertia")
+                raise Unproved(f"{what} does not preserve the inertia")
         order = next((sign for sign, weight in zip(signs, weights, strict=False) if weight), 1)
         turned = all(sign == order for sign, weight in zip(signs, weights, strict=False) if weight)
         shift = total(weight * each for weight, each in zip(weights, self.shifts, strict=False))
         if not (turned and all(vanishes(order * a + shift - b) for a, b in zip(breaks, breaks[::order], strict=True))):
-            raise Unproved(f"{what} does not take the breakpoints of the spring's law to themselves")
+            raise Unproved(f"{what} does not map the breakpoints of the spring's law to themselves")
         for own, other in zip(forces, forces[::order], strict=True):
             images = zip(signs, own, self.turned(other, y, v), strict=True)
             if not all(vanishes(image - sign * each) for sign, each, image in images):
-                raise Unproved(f"{what} does not turn the forces, where a spring may have to be odd")
+                raise Unproved(f"{what} does not reverse the forces; a spring may have to be odd")
         return order

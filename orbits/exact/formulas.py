@@ -1,8 +1,8 @@
 """Stated formulas as exact expressions, with the conditions under which their operations are defined.
 
-A numeral is the decimal that is written. A divisor, the argument of a root or a logarithm, and the base of a power
-that is no whole number are collected as a `Domain`: the expression may be simplified, as r (r - 1)/(r - 1) to r,
-and still has no value at r = 1.
+A numeral is the decimal that is written. A divisor, the argument of a root or a logarithm, and the base of a power that
+is not a whole number are collected as a `Domain`: the expression may be simplified, as r (r - 1)/(r - 1) to r, and
+still has no value at r = 1.
 """
 
 from collections.abc import Mapping, Sequence

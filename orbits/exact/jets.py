@@ -29,7 +29,7 @@ def statement_of_jets(statement: ExactStatement, order: int, pace: Fraction = Fr
 def statement_of_folds(statement: ExactStatement, parameter: ExactExpression) -> ExactStatement:
     """The statement of the folds of a statement in a parameter, stated by its symbol: F(u, a) = 0 and F_u v = 0 for a
     direction v (G. Moore, A. Spence, SIAM Journal on Numerical Analysis 17, 1980). Its unknowns are u, the entries of v
-    but for that of "alpha", which is 1, and the parameter a."""
+    except that of "alpha", which is 1, and the parameter a."""
     jets, folded = statement_of_jets(statement, 1), unknown(parameter.value)
     arcs = tuple(_with_parameter(arc, parameter, folded) for arc in jets.arcs)
     return ExactStatement({**jets.unknowns, parameter.value: folded}, arcs)

@@ -1,9 +1,9 @@
-"""Exceptions of a proof that does not succeed or takes too long, which is no error but a result."""
+"""Exceptions of a proof that does not succeed or takes too long, which is a result and not an error."""
 
 from ..running import TimeOver, interrupts
 
 # Why some theorems need a law without pieces.
-NOT_ACROSS = "second derivatives are not enclosed across the breakpoints of a law in pieces, or of a table"
+NOT_ACROSS = "second derivatives cannot be enclosed across the breakpoints of a law in pieces or a table"
 
 
 class Unproved(Exception):
@@ -19,7 +19,7 @@ class TooLong(Unproved):
 
 
 def check_proof_time() -> None:
-    """Raise `TooLong` where the time limit is reached; a long proof says here that it goes on."""
+    """Raise `TooLong` where the time limit is reached; a long proof says here that it continues."""
     try:
         interrupts.heed()
     except TimeOver as over:

@@ -32,7 +32,7 @@ OWN_NAMES = {
     *("alpha", "liftoff", "duration", "contact_duration", "flight_time", "contact_time", "liftoff_extension"),
     *("mid_flight_extension", "loss_coefficient"),
 }
-# The definitions of quantities that may be prescribed, beside alpha and the times of flight and contact.
+# The definitions of quantities that may be prescribed, in addition to alpha and the times of flight and contact.
 DEFINED = {
     "speed": "the rate of {centre} at lift-off",
     "liftoff_extension": "{counts} at lift-off",
@@ -94,14 +94,14 @@ class StatedMachine:
     units : "SI" or "dimensionless"
     parameters : the exact bounds of each, equal for a number
     masses, weights, inerters : formulas of the height or extension, and of the mass
-    inertia : rows of the inertia matrix that is stated beside these, if any
+    inertia : rows of the inertia matrix stated in addition to these, if any
     potentials : energies
     surface_gravity, gravity : the acceleration is their product, the second a formula of the height z
     launch : the coordinate whose place and rate at lift-off are "liftoff" and "alpha"
     counts : the extension whose stationary points count the family
     reversor, symmetry : the coordinates that are not left as they are, and what they are taken to, see `Mechanism`
     gaps : names and formulas of the gap that opens and that which closes; empty where they have no names
-    sticks : the coordinates that are 0 in contact beside the gap, each held there by a force
+    sticks : the coordinates that are 0 in contact in addition to the gap, each held there by a force
     heights : names and formulas of the heights of a machine that sticks
     centre : formula of the place of the centre of mass along the ground; None where no masses move along it
     friction : formula of the coefficient of friction, which the forces on what sticks are compared with; None without
@@ -138,12 +138,12 @@ class StatedMachine:
     restitution: Fraction = Fraction(0)
 
     def with_tuned(self, tuned: Sequence[str], prescribed: Mapping[str, ExactNumber]) -> "StatedMachine":
-        """This machine with parameters that are unknowns, where quantities have these values; raises `InputError`
-        for values that are no decimals, and `Unproved` for a name that would stand for two things."""
+        """This machine with parameters that are unknowns, where quantities have these values; raises `InputError` for
+        values that are not decimals, and `Unproved` for a name that would stand for two things."""
         values = tuple((name, exact_bounds(name, value)[0]) for name, value in prescribed.items())
         named = {name for name, _ in values if name != STEP_LENGTH} & {*self.coordinates, *self.parameters}
         if named:
-            raise Unproved(f"the name '{min(named)}' stands for a quantity of the orbit: call it something else")
+            raise Unproved(f"the name '{min(named)}' stands for a quantity of the orbit: rename it")
         bounds = {name: each for name, each in self.parameters.items() if name not in tuned}
         return replace(self, parameters=bounds, tuned=tuple(tuned), prescribed=values)
 
@@ -155,14 +155,14 @@ class StatedMachine:
     def refuse_steps(self, what: str) -> None:
         """Raise `Unproved` where maps are stated, or parameters are unknowns."""
         if self.tuned:
-            raise Unproved(f"{what} is proved only of machines whose numbers are all stated: with tune=()")
+            raise Unproved(f"{what} can be proved only if no parameter is tuned: pass tune=()")
         if self.steps:
-            raise Unproved(f"{what} is proved only of machines that state no reversor, symmetry or further gap")
+            raise Unproved(f"{what} can be proved only for machines that state no reversor, symmetry or further gap")
 
     def refuse_names(self, letters: str, what: str) -> None:
         """Raise `Unproved` where a coordinate or a parameter has one of the letters in which something is proved."""
         if both := {*self.coordinates, *self.parameters} & {*letters}:
-            raise Unproved(f"the name '{min(both)}' stands for {what}: call the coordinate or parameter something else")
+            raise Unproved(f"the name '{min(both)}' stands for {what}: rename the coordinate or parameter")
 
     @property
     def points(self) -> tuple[str, str]:
@@ -283,20 +283,20 @@ def exact_bounds(name: str, value: Decimals) -> Bounds:
     """The exact bounds of a parameter; raises `InputError` for anything but a number or an interval."""
     bounds = value if isinstance(value, tuple | list) else (value, value)
     if len(bounds) != 2:
-        raise InputError(f"{name} = {value!r}: an interval has two bounds, (low, high)")
+        raise InputError(f"{name} = {value!r}; an interval must have two bounds, (low, high)")
     low, high = (exact_fraction(name, bound) for bound in bounds)
     for bound in (low, high):
         if not is_decimal(bound):
-            raise InputError(f"{name} = {bound} is no decimal: state an interval of decimals that holds it")
+            raise InputError(f"{name} = {bound} is not a decimal: state an interval of decimals that contains it")
     if low > high:
-        raise InputError(f"{name} lies between {bounds[0]} and {bounds[1]}: the first bound is the lower one")
+        raise InputError(f"{name} = ({bounds[0]}, {bounds[1]}); low must not be above high")
     return low, high
 
 
 def exact_values(parameters: object) -> dict[str, Decimals]:
     """Exact values of parameters by name; raises `InputError` unless it is a mapping, or None for no values."""
     if not isinstance(parameters, Mapping | None):
-        raise InputError(f"parameters = {parameters!r}; they map names to decimals, as {{'beta': '0.3'}}")
+        raise InputError(f"parameters = {parameters!r}; they must map names to decimals, such as {{'beta': '0.3'}}")
     return dict(parameters or {})
 
 
@@ -311,7 +311,7 @@ def stated_machine(machine: Machine, parameters: Mapping[str, Decimals], along: 
     express.
     """
     if not callable(getattr(machine, "stated", None)):
-        raise InputError(f"a {machine.model.name} states no mechanics that a proof could read: state a Mechanism")
+        raise InputError(f"a {machine.model.name} states no mechanics for a proof: state a Mechanism")
     mechanism: Mechanism = machine.stated()  # type: ignore[attr-defined]
     free = free_parameters(machine)
     for name in parameters:
@@ -325,8 +325,8 @@ def stated_machine(machine: Machine, parameters: Mapping[str, Decimals], along: 
     used = stated.used_names
     for name in (*parameters, *([along] if along else [])):
         if name not in used:
-            judged = "; friction is judged only where a coordinate sticks" if mechanism.friction is not None else ""
-            raise InputError(f"no formula of the theorem has the parameter '{name}': leave it out{judged}")
+            judged = "; friction matters only where a coordinate sticks" if mechanism.friction is not None else ""
+            raise InputError(f"no formula of the theorem contains the parameter '{name}': leave it out{judged}")
     stated = replace(stated, parameters={name: each for name, each in stated.parameters.items() if name in used})
     _refuse_two_meanings(stated)
     return stated
@@ -345,7 +345,7 @@ def _refuse_two_meanings(stated: StatedMachine) -> None:
     if stated.steps:
         taken |= dict.fromkeys(names & {"R", "S"}, "a map of the machine's states")
     for name, meaning in sorted(taken.items()):
-        raise Unproved(f"the name '{name}' stands for {meaning}: call the coordinate or parameter something else")
+        raise Unproved(f"the name '{name}' stands for {meaning}: rename the coordinate or parameter")
 
 
 def _of_mechanism(mechanism: Mechanism, values: Mapping[str, Bounds], restitution: Fraction) -> StatedMachine:
@@ -368,11 +368,11 @@ def _of_mechanism(mechanism: Mechanism, values: Mapping[str, Bounds], restitutio
             case Potential(energy):
                 potentials.append(text(energy))
             case _:
-                raise InputError(f"{type(element).__name__} does not conserve energy: it has no lossless orbit")
+                raise InputError(f"{type(element).__name__} does not conserve energy, so there is no lossless orbit")
     gravity, structure = mechanism.gravity, mechanism.structure
     assert mechanism.gap is not None  # a machine without one has no orbit that is proved
     if gravity.written is None or gravity.written.potential:
-        raise Unproved(f"gravity '{gravity.text}' is no formula that a theorem could state")
+        raise Unproved(f"gravity '{gravity.text}' is not a formula, so a theorem cannot state it")
     separation = mechanism.separation
     maps: dict[str, Any] = {
         name: tuple((key, text(value)) for key, value in dict(getattr(mechanism, name) or {}).items())
@@ -429,7 +429,7 @@ def _stated_spring(extension: str, law: object) -> StatedSpring:
     assert isinstance(law, Key)
     written = law.written
     if written is None:
-        raise Unproved(f"the spring's law '{law.text}' is a function that no formula says")
+        raise Unproved(f"the spring's law '{law.text}' is a function, not a formula")
     along = f"{extension} - {written.shift}" if written.shift else extension
     rows = written.rows() if written.rows else ()
     texts = tuple(tuple(repr(float(each)) for each in row) for row in rows)

@@ -150,8 +150,8 @@ class HalfOrbit:
         equations = sum(len(arc.guards[0]) + len(arc.conditions) for arc in arcs)
         if equations != len(unknowns):
             raise Unproved(
-                f"half an orbit has {equations} equations for {len(unknowns)} unknowns: tune as many numbers of the "
-                "machine as there are conditions and prescribed quantities too many"
+                f"half an orbit has {equations} equations for {len(unknowns)} unknowns: tune one parameter "
+                "for each equation in excess"
             )
         return ExactStatement(unknowns, arcs)
 
@@ -160,7 +160,8 @@ class HalfOrbit:
         return [self._quantity(name) - value for name, value in self.mechanics.stated.prescribed]
 
     def _quantity(self, name: str) -> ExactExpression:
-        """A quantity of the orbit as a function of the unknowns; raises `Unproved` for one that is none."""
+        """A quantity of the orbit as a function of the unknowns; raises `Unproved` for a name that is not a
+        quantity."""
         m, pace, time = self.mechanics, self.mechanics.scale.speed, self.mechanics.scale.time
         flight, contact = (2 * time * unknown(each) for each in (FLIGHT_DURATION, CONTACT_DURATION))
         if name == "alpha":
@@ -178,7 +179,9 @@ class HalfOrbit:
         if name == "speed" and m.stated.centre:
             rate = inner_product(m.gradient(m.formula(m.stated.centre)), m.v) / time
             return substitute([rate], dict(zip(_by_turns(m.y, m.v), self.launch, strict=True)))[0]
-        raise Unproved(f"no equation of half an orbit says '{name}': prescribe another quantity, or tune fewer numbers")
+        raise Unproved(
+            f"no equation of half an orbit contains '{name}': prescribe another quantity, or tune fewer parameters"
+        )
 
     def flight(self) -> ExactStatement:
         """The half flight in all of its states, without conditions."""

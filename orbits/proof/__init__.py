@@ -44,7 +44,7 @@ begins at a breakpoint is first enclosed across it.
 A table is stated by rows of decimals: an extension, and the force, its slope and its curvature there. The law between
 two rows is the polynomial of degree 5 with these six values, in exact fractions; it is twice continuously
 differentiable. Beyond the rows there is no law: it is proved that the motion stays between the first and the last. The
-theorem is about this law. How well it describes the measured spring, and the noise of the rows, are no part of it.
+theorem is about this law. How well it describes the measured spring, and the noise of the rows, are not part of it.
 
 Lemma 3, existence and uniqueness (`root`). Krawczyk's operator K(U) = u - Y F(u) + (1 - Y F'(U)) (U - u): if K(U) lies
 in the interior of U, then F has exactly one zero in U, and it lies in K(U). For an interval parameter q, F(u) holds the
@@ -68,17 +68,17 @@ itself; and that the second gap is the image of the first under R. A flight from
 it is therefore lands in R x, where the second gap and its rate are 0, as the first and its rate are at x, and a contact
 from Rc x to a state that Rc leaves as it is ends in x. What is to be positive throughout is proved in one half of each
 phase for the function and for its image: both gaps in flight, the second one in contact, and the forces on the point
-that opens and on the one that has landed, of which the second is 0 at landing to first order. That S is how the machine
+that opens and on the one that has landed; the second force is 0 at landing to first order. That S is how the machine
 stands after a landing, and that its hinges in flight hold, is part of the statement.
 
-Coordinates that stick (`exact_mechanics`) are 0 in contact beside the gap, each held by a force that vanishes at lift-
-off too. It is decided exactly that inertia, forces, extensions and heights do not depend on their places, which R
-takes to a step less the place and S to the place less that step: so Rc takes 0 to 0. The conditions are then more than
-the unknowns of a launch and the times. Parameters that are tuned, the step among them, are further unknowns of the
-same statement: they are constant states of each phase, so that Lemmas 1 to 3 hold as they are, and the theorem is that
-there are such numbers. Prescribed quantities are further equations. Friction: with the contact force F and the force T
-on what sticks, mu F + T and mu F - T vanish at landing, as Rc takes F to itself and T to itself or its negative; both
-are positive inside the half contact, their first derivatives at landing too.
+Coordinates that stick (`exact_mechanics`) are 0 in contact in addition to the gap, each held by a force that vanishes
+at lift- off too. It is decided exactly that inertia, forces, extensions and heights do not depend on their places,
+which R takes to a step less the place and S to the place less that step: so Rc takes 0 to 0. The conditions are then
+more than the unknowns of a launch and the times. Parameters that are tuned, the step among them, are further unknowns
+of the same statement: they are constant states of each phase, so that Lemmas 1 to 3 hold as they are, and the theorem
+is that there are such numbers. Prescribed quantities are further equations. Friction: with the contact force F and the
+force T on what sticks, mu F + T and mu F - T vanish at landing, as Rc takes F to itself and T to itself or its
+negative; both are positive inside the half contact, their first derivatives at landing too.
 
 Lemma 5, signs (`motion`, `proved_motion`). A function g of the states is positive where its enclosure is, also by g(m)
 + g'(T)(T - m). At lift-off the gap, its speed and its acceleration are 0: the first two as the launch is a state of the

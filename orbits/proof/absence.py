@@ -80,10 +80,11 @@ def proof_of_absence(machine: Machine, family: int | None, parameters: Mapping[s
             lone = mechanics.lone_extension()
             if mechanics.pieces:
                 raise InputError(
-                    "absence is proved of one formula for all extensions, not of a law in pieces or a table"
+                    "absence can be proved only for one formula that holds at all extensions, not for a law in "
+                    "pieces or a table"
                 )
             if lone is None:
-                raise InputError(f"no smooth extension of a {stated.name} moves alone: nothing can be proved absent")
+                raise InputError(f"no smooth extension of a {stated.name} moves alone, so no absence can be proved")
             law = _Law(mechanics, lone)
             found = law.no_orbit() if family is None else law.no_family(family)
     except Unproved as error:
@@ -111,7 +112,7 @@ class _Law:
     def __init__(self, mechanics: ExactMechanics, lone: LoneExtension):
         counts = [derivative_by(mechanics.counts, place) for place in mechanics.y]
         if not _cross(counts, lone.weights).is_(0):
-            raise Unproved("the families are counted by another extension than the one that moves alone")
+            raise Unproved("another extension than the one that moves alone counts the families")
         self.place, self.intervals = lone.place, IntervalParameters(mechanics.stated.parameters)
         gap = [expression(each) for each in mechanics.gap]
         across = _cross(lone.weights, lone.thrown)
@@ -120,7 +121,7 @@ class _Law:
         inputs = [lone.place, *self.intervals.symbols.values()]
         level, share = BallProgram(inputs, [kappa, in_gap])([arb(0), *self.intervals.balls()])
         if not level > 0 or not (share > 0 or share < 0):
-            raise Unproved("the extension is not plainly driven back at lift-off")
+            raise Unproved("it is not shown that the extension is driven back at lift-off")
         self.sign = -1 if share > 0 else 1
         self.phi = -lone.accelerations[0] / kappa
         for domain in (
@@ -146,10 +147,10 @@ class _Law:
         if not (trend.odd and trend.rises):
             raise Unproved("the spring's formula does not show that its force is odd and rises everywhere")
         if trend.bound is None:
-            raise Unproved("the spring's formula does not show that its force is bounded by anything")
+            raise Unproved("the spring's formula does not show that its force is bounded")
         if trend.bound > 2 * family + 1:
             bound = upper_fraction(trend.bound)
-            raise Unproved(f"the force is bounded by {bound}, and an orbit needs more than {2 * family + 1}")
+            raise Unproved(f"the force is bounded by {bound}, but only a bound up to {2 * family + 1} excludes orbits")
         return (
             f"Its spring's force is odd, rises everywhere, and is at most {upper_fraction(trend.bound)} times that at "
             f"lift-off: an orbit of family {family} needs more than {2 * family + 1}, so that there is none."
@@ -214,7 +215,7 @@ class Trend:
     constant: Bounds | None = None
 
 
-# The trend of an expression of which nothing is derived.
+# The trend of an expression from which nothing is derived.
 _UNKNOWN = Trend()
 Trends: TypeAlias = Sequence[Trend]
 

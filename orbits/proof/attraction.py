@@ -72,7 +72,7 @@ def attraction_of(hop: Hop) -> Attraction:
     """The theorem for the largest distance of a list for which its proof succeeds, by bisection; raises `Unproved`."""
     mechanics = hop.half.mechanics
     if mechanics.stated.wide:
-        raise Unproved("it is proved for parameters that have one value")
+        raise Unproved("it can be proved only if each parameter has one value")
     if mechanics.pieces is not None:
         raise Unproved(NOT_ACROSS)
     bounces = Bounces(hop.half) if hop.loss.bounce_side == "above" else None

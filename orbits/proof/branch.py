@@ -2,10 +2,10 @@
 
 Theorem. Let F(u, q) = 0 be the equations of half an orbit (`statement`) with the parameter q as a further unknown.
 There are a continuous curve of solutions X = (u, q), from the one that is enclosed at q = A to the one that is enclosed
-at q = B, and pieces of it, on each of which one coordinate of X, which is q or the launch speed, runs one way
-through an interval, and the others are enclosed, and unique, in a tube about polynomials of it. The curve has exactly
-the folds in q that are enclosed, all of them nondegenerate; between them q runs one way. Where a part of the curve is
-said to be of motions, each orbit on it is one, and of the family that is stated.
+at q = B, and pieces of it; on each piece one coordinate of X, which is q or the launch speed, runs one way through an
+interval, and the others are enclosed, and unique, in a tube about polynomials of it. The curve has exactly the folds in
+q that are enclosed, all of them nondegenerate; between them q runs one way. Where a part of the curve is said to be of
+motions, each orbit on it is one, and of the family that is stated.
 
 A piece (`tube`). Let the coordinate X_k = c + d s run, and let the others be p(s) + w. If Krawczyk's operator, for each
 s, maps the box |w| <= W into its interior, then there is exactly one solution in it, it is regular, and by the implicit
@@ -93,7 +93,7 @@ def _proved_curve(
     scale = Scale.of(speed, claim.first.flight_time / 2, max(claim.first.family, 1))
     equations = CurveEquations(stated, claim.along, scale)
     if missing := [name for name in equations.names if name not in claim.names]:
-        raise Unproved(f"the family has no {missing[0]}: follow it by the simplest method")
+        raise Unproved(f"the family has no {missing[0]}: follow it with the simplest method")
     ends = _proved_end(equations, claim.first, digits, reasons), _proved_end(equations, claim.last, digits, reasons)
     values = claim.points[0, -1], claim.points[-1, -1]
     balls = [equations.balls(_coordinates_of(equations, end, value)) for end, value in zip(ends, values, strict=True)]

@@ -1,4 +1,4 @@
-"""The claims of a family about a curve of orbits, none of which is trusted."""
+"""The claims of a family about a curve of orbits; none is trusted."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -20,7 +20,7 @@ class BranchClaim:
 
     first, last : the claims of its ends
     names : of the coordinates of the curve: the unknowns of its equations, and the parameter
-    points, tangents : (m, n + 1) along it, none of which is trusted
+    points, tangents : (m, n + 1) along it; none is trusted
     solve : see `Solver`, with the coordinates in the order of `names`
     """
 

@@ -34,7 +34,7 @@ class BranchOptions(NamedTuple):
     parts: int = 4  # of a piece on which signs are decided
     halvings: int = 40  # of a part on which a sign is undecided, at most
     undecided: int = 12  # parts to halve, at most
-    halvings_of_contact: int = 4  # of a part of a piece on which no contact is proved
+    halvings_of_contact: int = 4  # of a part of a piece whose contact is not proved
     halvings_of_signs: int = 7  # of a part of a piece on which a sign is undecided
     # Share of the parameter in the motion along the curve from which on it is the coordinate of a piece, else the
     # launch speed.
@@ -67,7 +67,7 @@ class CurveEquations:
         self.mechanics = ExactMechanics(stated, scale, along)
         self.half = HalfOrbit(self.mechanics)
         if self.mechanics.pieces:
-            raise Unproved("the spring's law is in pieces: a curve is proved of laws that are smooth")
+            raise Unproved("the spring's law is in pieces, but a curve can be proved only for smooth laws")
         self.statement = self.half.statement(with_contact=False)
         self.names = [*self.statement.unknowns, along]
         self.units = [*map(self.half.unit_of, self.statement.unknowns), Fraction(1)]

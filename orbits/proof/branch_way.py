@@ -128,7 +128,7 @@ class Way:
         equations, finish = self.equations, to == len(self.points) - 1
         coordinate = self._coordinate(at, to, before)
         if coordinate is None:
-            raise Unproved("neither the parameter nor the launch speed runs one way")
+            raise Unproved("neither the parameter nor the launch speed is monotone")
         start, stop = (Fraction(Decimal(repr(float(self.points[i][coordinate])))) for i in (at, to))
         margin, exact = (stop - start) * Fraction(BRANCHES.margin_at_joints), coordinate == equations.parameter
         joined = False
@@ -184,7 +184,9 @@ class Way:
         for i, (first, last, sign) in enumerate(runs):
             if sign == 0:
                 if i in (0, len(runs) - 1) or runs[i - 1][2] == runs[i + 1][2]:
-                    raise Unproved("a piece ends where the parameter may turn, or it rests without turning")
+                    raise Unproved(
+                        "a piece ends where the parameter may turn, or the parameter is stationary without turning"
+                    )
                 fold = self._fold(piece, first, last)
                 place = piece.holds(self.equations.balls(fold.balls))
                 if place is None or not (begin < place < end):
@@ -193,7 +195,7 @@ class Way:
         return tuple(found)
 
     def _fold(self, piece: CurvePiece, first: float, last: float) -> Fold:
-        """The only fold on a part of a piece, outside of which the parameter does not turn."""
+        """The only fold on a part of a piece; outside this part the parameter does not turn."""
         equations, middle = self.equations, (first + last) / 2
         reach = max(BRANCHES.about_fold, BRANCHES.about_undecided * (last - first))
         half = float(piece.stop - piece.start) / 2

@@ -158,7 +158,7 @@ def _ends_of(stretch: MotionStretch) -> list[dict[str, arb]]:
 
 
 def _runs(stretches: Sequence[MotionStretch]) -> list[list[MotionStretch]]:
-    """The stretches in order, grouped into runs of which the same is proved."""
+    """The stretches in order, grouped into runs for which the same is proved."""
     runs = list[list[MotionStretch]]()
     for each in stretches:
         if runs and runs[-1][-1].like(each):

@@ -1,10 +1,10 @@
-"""Options of the comparison of an orbit's numbers with those that are proved."""
+"""Options of the comparison of an orbit's numbers with the proved ones."""
 
 from typing import NamedTuple
 
 
 class ClaimOptions(NamedTuple):
-    """How near the numbers of a claim are to those that are proved."""
+    """How near the numbers of a claim are to the proved ones."""
 
     errors_of_alpha: float = 2.0  # error of alpha that is allowed, as a multiple of its own bound
     roundings: float = 8 * 2.0**-52  # share of alpha that is allowed in addition, a few units of the last place

@@ -1,4 +1,4 @@
-"""The numbers that an orbit claims, compared with those that are proved."""
+"""The numbers that an orbit claims, compared with the proved ones."""
 
 from math import isfinite
 
@@ -16,13 +16,13 @@ def wrong_numbers(found: ProvedExistence, claim: Claim) -> list[str]:
     error = CLAIMS.errors_of_alpha * claim.error + CLAIMS.roundings * abs(claim.alpha)
     balls = found.balls
     if not isfinite(error) or not (balls["alpha"] + arb(0, error)).overlaps(arb(claim.alpha)):
-        claimed = f"the orbit says {claim.alpha!r} with an error of {claim.error:.1e}"
+        claimed = f"the orbit states {claim.alpha!r} with an error of {claim.error:.1e}"
         reasons.append(f"alpha: {claimed}, and lies outside the enclosure {found.unknowns['alpha']}")
     tuned = {name: claim.unknowns[name] for name in claim.tuned}
     others = {"flight_time": claim.flight_time, "contact_time": claim.contact_time, **tuned}
     for name, value in others.items():
         if name in balls and value is not None and not _agrees(balls[name], value, claim):
-            reasons.append(f"{name}: the orbit says {value!r}, outside the enclosure {found.unknowns[name]}")
+            reasons.append(f"{name}: the orbit states {value!r}, outside the enclosure {found.unknowns[name]}")
     return reasons
 
 
@@ -44,4 +44,4 @@ def wrong_places(found: ProvedExistence, flight: Motion, claim: Claim) -> list[s
         counted = flight.chain([mechanics.counts] * len(flight.leg.rates), 0)
         claimed["liftoff_extension"] = flight.first(counted, 0), claim.liftoff_extension
     wrong = [(name, value) for name, (ball, value) in claimed.items() if not _agrees(ball, value, claim)]
-    return [f"{name}: the orbit says {value!r}, which is not so" for name, value in wrong]
+    return [f"{name}: the orbit states {value!r}, which is wrong" for name, value in wrong]

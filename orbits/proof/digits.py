@@ -1,4 +1,4 @@
-"""The digits of a proof: those that are requested, and more where these are too few to decide a condition."""
+"""The digits of a proof: the requested number, and more where it is too small to decide a condition."""
 
 from collections.abc import Callable
 from typing import NamedTuple, TypeVar
@@ -27,7 +27,7 @@ def checked_digits(digits: int | None) -> int | None:
     if digits is not None and (
         isinstance(digits, bool) or not (isinstance(digits, int) and 1 <= digits <= DIGITS.most)
     ):
-        raise InputError(f"digits = {digits!r}; it is a whole number from 1 to {DIGITS.most}")
+        raise InputError(f"digits = {digits!r}; it must be a whole number from 1 to {DIGITS.most}")
     return digits
 
 

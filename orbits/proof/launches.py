@@ -3,8 +3,8 @@ landing, with the derivatives by the speed of the launch, and their contacts unt
 
 A launch is a state in contact whose contact force is 0. Those near the hop's own lie on a curve, place over speed,
 where the force rises or falls with the place. With x the states of the flight and u their derivatives by the speed of
-the launch, along that curve and at fixed times, the system x' = f(x), u' = Df(x) u is followed. It is in two parts, the
-second of which is a window of time about the landing of the hop.
+the launch, along that curve and at fixed times, the system x' = f(x), u' = Df(x) u is followed. It is in two parts; the
+second part is a window of time about the landing of the hop.
 """
 
 from collections.abc import Iterator, Sequence
@@ -74,8 +74,8 @@ def motions_of(equations: Equations, box: Sequence[arb]) -> list[Motion]:
 def launches_beyond(half: HalfOrbit, place: arb, speed: arb, reach: arb) -> Launches:
     """The launches that are faster by at most `reach` than a launch of this place and speed, on the curve through it.
 
-    By the theorem of Picard and Lindelof the curve stays in an enclosure out of which its slope, over all of it, does
-    not lead. There the force has a derivative by the place that is not 0: so there are no other launches. Raises
+    By the theorem of Picard and Lindelof the curve stays in an enclosure if its slope, over all of it, does not lead
+    out of it. There the force has a derivative by the place that is not 0: so there are no other launches. Raises
     `Unproved` where none is found.
     """
     own, lifted = half.launch_unknowns, half.lifted[0]

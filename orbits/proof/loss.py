@@ -1,9 +1,8 @@
-"""The loss coefficient of the hops beside a lossless one, enclosed.
-
-Beside a lossless hop the map of launch speeds is alpha + d -> alpha + d - c |d|**(4/3) + o(|d|**(4/3)), with c = C on
-the side where the gap at the landing time is positive, so that the foot lands once, and c = 10 C on the other, where it
-bounces once (see `periodic.loss_coefficient`). Which side has the bounce follows from the sign of the gap's derivative
-by alpha. Within which distance the hop attracts the launches above it is another theorem (`attraction`).
+"""The loss coefficient of the hops near a lossless one, enclosed. Near a lossless hop the map of launch speeds is alpha
++ d -> alpha + d - c |d|**(4/3) + o(|d|**(4/3)), with c = C on the side where the gap at the landing time is positive,
+so that the foot lands once, and c = 10 C on the other, where it bounces once (see `periodic.loss_coefficient`). Which
+side has the bounce follows from the sign of the gap's derivative by alpha. Within which distance the hop attracts the
+launches above it is another theorem (`attraction`).
 """
 
 from collections.abc import Mapping, Sequence
@@ -20,8 +19,8 @@ from ..symbolic import ExactExpression, derivative_by, expression, inner_product
 class Loss:
     """An enclosure of C, and the side on which hops land with a bounce, "above" or "below".
 
-    delay : (delay |d|)**(1/3) is the time by which hops beside it land later, or earlier, to leading order, in
-        the units of the equations
+    delay : (delay |d|)**(1/3) is the time by which hops near it land later, or earlier, to leading order, in the units
+        of the equations
     """
 
     coefficient: arb
@@ -30,13 +29,13 @@ class Loss:
 
 
 def enclosed_loss(half: HalfOrbit, flight: Motion, unknowns: Mapping[str, arb], bits: int) -> Loss:
-    """The loss beside an enclosed half flight in the flight states, with enclosures of the unknowns by name; raises
+    """The loss near an enclosed half flight in the flight states, with enclosures of the unknowns by name; raises
     `Unproved` where the signs that it requires are not decided."""
     m, leg, (law, *others) = half.mechanics, flight.leg, flight.passage.pieces[0].laws
     if others:
         raise Undecided("the flight begins at a breakpoint of the spring's law, where its jerk may jump")
     if m.size != 2:
-        raise Unproved("a launch is more than a speed: no map of launch speeds tells what is lost")
+        raise Unproved("a launch has several numbers, so there is no map of launch speeds to state the loss")
     mass, power, *by_alpha = launch_expressions(half, law)
     intervals = leg.state[len(leg.moving) + 1 :]
     program = BallProgram([*half.launch_unknowns.values(), *intervals], [mass, power, *by_alpha])
@@ -48,7 +47,7 @@ def enclosed_loss(half: HalfOrbit, flight: Motion, unknowns: Mapping[str, arb], 
         with ctx.workprec(2 * bits):
             transition = _transition(leg, start, bits)
     except UNDEFINED:
-        raise Unproved("the motion comes to where a law has no value") from None
+        raise Unproved("the motion reaches a place where a law has no value") from None
     at_landing = _by_alpha_at_landing(transition, by_alpha_balls)
     (change,) = BallProgram(leg.moving, [half.gap])(at_landing)
     third = flight.chain([half.gap] * len(leg.rates), 3)
@@ -58,7 +57,7 @@ def enclosed_loss(half: HalfOrbit, flight: Motion, unknowns: Mapping[str, arb], 
     delay = 6 * abs(change) / jerk
     loss = mass_ball * jerk**2 / 8 * delay ** (arb(4) / 3) / power_ball
     if not 2 * loss.rad() < loss.lower():  # it would not even say how large the losses are
-        raise Unproved("its enclosure is wider than its least value: state narrower intervals of the parameters")
+        raise Unproved("its enclosure is wider than its least value: narrow the intervals of the parameters")
     # C takes a speed to the power 4/3 to a speed.
     unit = ball_of_fraction(m.scale.speed) ** (arb(-1) / 3)
     return Loss(loss * unit, "below" if change > 0 else "above", delay)

@@ -45,8 +45,8 @@ MAIN_UNKNOWNS = ("alpha", "flight_time", "contact_time")
 def check_mirrored(model: Any) -> None:
     """Raise `InputError` for a model whose orbits are not their own mirror images."""
     if model.reversor is None:
-        why = "loses energy, as by a damper, or states no reversor, and so is not its own mirror image in time"
-        raise InputError(f"this {model.name} {why}: nothing is proved of its orbits")
+        why = "loses energy, for example in a damper, or states no reversor, so its motion is not symmetric in time"
+        raise InputError(f"this {model.name} {why}: nothing can be proved of its orbits")
 
 
 def not_stated(machine: Machine, reason: Unproved, conditions: Mapping[str, str] | None = None) -> Proof:
@@ -191,8 +191,8 @@ def _motion_verdicts(
     if about_claim:
         if counted.family not in (None, claim.family):
             turns = f"the extension turns as in family {counted.family}"
-            wrong.append(f"family: {turns}, and the orbit says {claim.family}")
-        wrong += [f"the orbit itself says that it is no motion: {each}" for each in claim.violations]
+            wrong.append(f"family: {turns}, but the orbit states {claim.family}")
+        wrong += [f"the orbit itself states that it is not a motion: {each}" for each in claim.violations]
         wrong += wrong_places(found, flight, claim)
     ends = CONTACT_DURATION in found.statement.unknowns
     contact = Motion(found.equations.legs[-1], found.root.evaluated.passages[-1]) if ends else None
@@ -202,7 +202,7 @@ def _motion_verdicts(
 
 
 def _loss_verdict(found: ProvedExistence, flight: Motion, claim: Claim, conditions: Mapping[str, str]) -> Verdicts:
-    """The verdict on the loss coefficient: there are hops beside the orbit only if it is a motion."""
+    """The verdict on the loss coefficient: there are hops near the orbit only if it is a motion."""
     try:
         _check_losses(found, claim, "a loss coefficient", "Cd")
         if {*conditions.values()} != {PROVED}:

@@ -36,29 +36,33 @@ def prove(
     at: Mapping[str, Decimal] | None = None,
     limit: float | None = None,
 ) -> Proof:
-    """Prove an orbit by interval arithmetic: that it exists, that no other is nearby, that the error of its alpha is at
+    """Prove by interval arithmetic that an orbit exists, that no other is nearby, that the error of its alpha is at
     most twice its bound, that the number of its family is correct, and that it is a motion.
 
     orbit : as `find` returns it
     digits : number of decimal digits of the unknowns to enclose; None for about 18. Where enclosures are too wide to
-        decide a condition, they are doubled once or twice, to at least 30; the result's `digits` states them
-    machine : the machine of the orbit; None for the one that it was found for
-    parameters : exact decimals, as {"beta": "0.3"}, or intervals, as {"beta": ("0.299", "0.301")}, instead of the
-        machine's floats; by default a float stands for the shortest decimal that rounds to it. A theorem with
+        decide a condition, the digits are doubled once or twice, to at least 30; the result's `digits` states the
+        number
+    machine : the machine of the orbit; None for the one for which it was found
+    parameters : exact decimals, such as {"beta": "0.3"}, or intervals, such as {"beta": ("0.299", "0.301")}, instead of
+        the machine's floats; by default a float stands for the shortest decimal that rounds to it. A theorem with
         intervals is true for each value in them.
     motion : whether to prove the conditions of a motion too
     loss : whether to enclose the loss coefficient too
-    attraction : whether to prove too that each launch above alpha, up to a distance that is determined, converges to
-        it by hopping; this encloses the loss coefficient, and the losses of those launches
-    tune : names of parameters that are unknowns of the theorem, which encloses them; None for those that `find` tuned,
-        if all prescribed quantities have equations. Of a machine that sticks to the ground the step is an unknown too
-    at : exact decimals of quantities by name, as {"speed": "0.4"}; None for what the orbit was tuned to
+    attraction : whether to prove too that each launch above alpha, up to some distance, converges to the orbit, hop
+        after hop. The proof determines this distance, and encloses the loss coefficient and the losses of these
+        launches
+    tune : names of parameters that are unknowns of the theorem, which encloses them; None for the parameters that
+        `find` tuned, if all prescribed quantities have equations. For a machine that sticks to the ground the step is
+        an unknown too
+    at : exact decimals of quantities by name, such as {"speed": "0.4"}; None for the values to which the orbit was
+        tuned
     limit : time limit in seconds, as in `find`; a statement not proved by then is reported as not proved
 
-    The theorems, their lemmas and the trusted software are described in `orbits.proof`. If something is not proved, the
-    result states it and why; no error is raised. The theorem about a machine in SI is in SI. Raises `InputError`
-    without python-flint, for invalid parameters and digits, and for an orbit whose machine is not known. Source: R.
-    Krawczyk, Computing 4 (1969), and the references of `orbits.proof`.
+    The package `orbits.proof` describes the theorems, their lemmas and the trusted software. If something is not
+    proved, the result says what and why; no error is raised. The theorem about a machine in SI is in SI. Raises
+    `InputError` without python-flint, for invalid parameters and digits, and for an orbit whose machine is not known.
+    Source: R. Krawczyk, Computing 4 (1969), and the references of `orbits.proof`.
 
     >>> from orbits import find, prove
     >>> from problems import Hopper
@@ -135,7 +139,7 @@ def prove_fold(
     """Prove that a family folds near a point, with an enclosure of the parameter there, and that the fold is
     nondegenerate.
 
-    machine : that the family was followed with, by the simplest method
+    machine : the machine with which the family was followed, by the simplest method
     fold : the point of a "fold" event of that family
     along : the name of the parameter that folds
     digits, parameters, limit : as in `prove`
@@ -154,17 +158,19 @@ def prove_fold(
     check_parameters(machine, along)
     refuse_hysteresis(machine.model)
     if not all(hasattr(fold, name) for name in ("u", "tangent", "value")):
-        raise InputError('the fold is the `point` of a "fold" event of a family')
+        raise InputError('the fold must be the `point` of a "fold" event of a family')
     if along in exact_values(parameters):
-        raise InputError(f"'{along}' is what folds: it has no value of its own")
+        raise InputError(f"'{along}' is the parameter that folds: it cannot have a value")
     if machine.units is not None:
-        raise InputError("a fold is proved of a dimensionless machine: follow and prove machine.dimensionless()")
+        raise InputError(
+            "a fold can be proved only for a dimensionless machine: follow and prove machine.dimensionless()"
+        )
     from .digits import checked_digits
     from .proved_fold import proof_of_fold
 
     names = machine.model.reduction.statement.unknowns if machine.model.reduction else machine.model.half_unknowns
     if len(fold.u) != len(names) or not fold.tangent[names.index("alpha")]:
-        raise InputError("this point is no fold of the machine's simplest equations")
+        raise InputError("this point is not a fold of the machine's simplest equations")
     alpha = fold.tangent[names.index("alpha")]
     directions = {name: each / alpha for name, each in zip(names, fold.tangent[:-1], strict=True)}
     unknowns = dict(zip(names, fold.u, strict=True))
@@ -175,15 +181,15 @@ def prove_fold(
 
 @exclusive
 def prove_absence(machine: Machine, family: int | None = None, *, parameters: Exact = None) -> Proof:
-    """Prove that a machine has no lossless orbit of a family, or for None that it has no lossless orbit at all.
+    """Prove that a machine has no lossless orbit of a family, or, for None, no lossless orbit at all.
 
-    machine : whose extension moves independently of the other coordinates, as that of a hopper under constant gravity
+    machine : its extension must move independently of the other coordinates, as in a hopper under constant gravity
     family : number of the family, from 1, or None
     parameters : as in `prove`
 
-    For a family it can be proved for springs whose force is odd, increases everywhere and is bounded, such as tanh; for
-    all families for springs that are too weak. The theorems are in `orbits.proof.absence`. Raises the errors of
-    `prove`.
+    For one family, this can be proved for springs whose force is odd, increases everywhere and is bounded, such as
+    tanh; for all families, for springs that are too weak. The theorems are in `orbits.proof.absence`. Raises the errors
+    of `prove`.
 
     >>> from orbits import prove_absence
     >>> from problems import Hopper
@@ -194,7 +200,7 @@ def prove_absence(machine: Machine, family: int | None = None, *, parameters: Ex
     check_machine(machine)
     refuse_hysteresis(machine.model)
     if family is not None and (isinstance(family, bool) or not (isinstance(family, int) and family >= 1)):
-        raise InputError(f"family = {family!r}; families are numbered from 1")
+        raise InputError(f"family = {family!r}; it must be a number from 1")
     from .absence import proof_of_absence
 
     return proof_of_absence(machine, family, exact_values(parameters))

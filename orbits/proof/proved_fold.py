@@ -114,7 +114,7 @@ def proved_fold(
         raise Unproved(f"the fold has no {missing[0]}")
     named = [*statement.unknowns, *(f"d{name}" for name in statement.unknowns), along]
     if twice := sorted({name for name in named if named.count(name) > 1}):
-        raise Unproved(f"the name '{twice[0]}' stands for a direction of the family: call the parameter something else")
+        raise Unproved(f"the name '{twice[0]}' stands for a direction of the family: rename the parameter")
     folded = statement_of_folds(statement, symbol(along))
     units = {name: half.unit_of(name) for name in statement.unknowns}
     units |= {f"d{name}": units[name] / units["alpha"] for name in statement.unknowns if name != "alpha"}

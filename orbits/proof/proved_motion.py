@@ -12,7 +12,7 @@ from .loss import Loss
 from .proved_existence import widened_enclosure
 from .sticking_friction import check_friction
 
-NO_CONTACT = "the orbit has no contact that ends, of which anything could be proved"
+NO_CONTACT = "the contact of the orbit does not end, so nothing can be proved"
 PROVED, REFUTED, UNDECIDED = "proved", "refuted", "undecided"
 CONDITIONS = ("clearance", "separation", "contact_force", "contact_end")
 # Those of machines that stick besides.
@@ -117,7 +117,7 @@ def _check_separation(half: HalfOrbit, flight: Motion, contact: Motion | None) -
 
 
 def _check_heights(half: HalfOrbit, flight: Motion, contact: Motion | None) -> None:
-    """The stated heights but for the gap itself."""
+    """The stated heights except the gap itself."""
     for name, height in half.mechanics.heights:
         if not vanishes(height - half.gap * half.mechanics.scale.length):
             with _about(name):
@@ -147,7 +147,7 @@ def _check_force(half: HalfOrbit, contact: Motion) -> None:
 
 
 def _check_end(half: HalfOrbit, contact: Motion) -> None:
-    """Of a contact of one coordinate, what vanishes in mid-contact does so there first: its rate, or its place beside
+    """Of a contact of one coordinate, what vanishes in mid-contact does so there first: its rate, or its distance from
     the centre where the reversor of the contact takes it to the other side; of several, the equations require all."""
     m, laws = half.mechanics, len(contact.leg.rates)
     if len(m.s) == 1:

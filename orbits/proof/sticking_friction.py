@@ -28,7 +28,7 @@ def check_friction(half: HalfOrbit, contact: Motion) -> None:
     so the least value of an interval is decisive."""
     m = half.mechanics
     if m.stated.friction is None:
-        raise Unproved("no coefficient of friction is stated, and the orbit needs none that is known")
+        raise Unproved("no coefficient of friction is stated, and the one that the orbit needs is not known")
     low, _ = m.stated.parameters.get(m.stated.friction, (None, None))
     mu = m.formula(m.stated.friction) if low is None else exact_number(low)
     (mu,) = substitute([mu], dict(zip(m.y, m.embedded(m.s), strict=True)))
@@ -54,8 +54,8 @@ def check_friction(half: HalfOrbit, contact: Motion) -> None:
 
 
 def needed_friction(contact: Motion, force: Derivatives, along: Derivatives) -> arb:
-    """An enclosure of the largest ratio in magnitude of a force on what sticks and the contact force, both of which
-    vanish at landing; not finite where the parts are too few to bound it."""
+    """An enclosure of the largest ratio in magnitude of a force on what sticks and the contact force, which both vanish
+    at landing; not finite where the parts are too few to bound it."""
     pieces, least, waiting = contact.passage.pieces, arb(0), list[tuple[float, int, arb, arb]]()
 
     def add(i: int, low: arb, high: arb) -> None:

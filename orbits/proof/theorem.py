@@ -59,28 +59,28 @@ class CurvePart(Part):
 
 
 @dataclass(frozen=True, repr=False)
-class Proof(Result, what="proof", document_is_whole=True, undrawn="a theorem has nothing to draw: print it"):
-    """A theorem about a machine, or why there is none.
+class Proof(Result, what="proof", document_is_whole=True, undrawn="a theorem cannot be drawn: print it"):
+    """A theorem about a machine, or the reasons why it is not proved.
 
-    proved : whether all claims that were to be proved are proved
-    statement : the theorem in words; where not all is proved, the part that is. It suffices to rebuild the machine.
+    proved : whether all requested claims are proved
+    statement : the theorem in words, or its proved part. It suffices to rebuild the machine.
     machine : the machine in words and numbers
     kind : what the theorem is about: "orbit", "fold", "absence", "branch", "fixed point", "periodic hops",
         "period doubling"
-    stated : the machine as the theorem states it, in formulas and decimals, see `orbits.exact.stated`
+    stated : the machine as the theorem states it, in formulas and decimals; see `orbits.exact.stated`
     parameters : exact decimals, the bounds of each parameter by name; equal for a single value
     family : the number of the family, counted from enclosures; None where that is not proved
     enclosures : of alpha, flight_time, contact_time and other quantities by name, in the machine's units
-    radius : no less than half the width of the enclosure of alpha
+    radius : at least half the width of the enclosure of alpha
     uniqueness_radius : no other solution of the equations has all unknowns within this distance of their enclosures;
         None where intervals were proved in parts
-    parts : the boxes of parameters that were proved one by one, usually one
+    parts : the boxes of parameters that were proved one by one; usually one box
     conditions : of a motion, by name: "proved", "refuted" or "undecided"
     bounce_side : "above" or "below", the side of alpha on which hops land with a bounce; None where that is not proved
-    attraction_radius : each launch that is faster than alpha by at most this decimal converges to alpha by hopping;
-        None where that is not proved
+    attraction_radius : a launch faster than alpha by at most this decimal converges to alpha, hop after hop; None if
+        not proved
     reasons : for each statement that is not proved, the reason in words
-    digits : number of digits that were requested, or more where these left a condition undecided; None for the default
+    digits : number of requested digits, or more where these left a condition undecided; None for the default
     seconds : wall time
     """
 
@@ -114,7 +114,7 @@ class Proof(Result, what="proof", document_is_whole=True, undrawn="a theorem has
 
     @property
     def contact_time(self) -> Enclosure | None:
-        """The enclosure of the time of a whole contact; None where that was not requested or not proved."""
+        """The enclosure of the time of a whole contact; None if not requested or not proved."""
         return self.enclosures.get("contact_time")
 
     def document(self) -> Document:
@@ -152,7 +152,7 @@ class Proof(Result, what="proof", document_is_whole=True, undrawn="a theorem has
 
     @classmethod
     def of_saved(cls, document: object, machine: object = None) -> "Proof":
-        """The proof of a saved document, without proving anything anew; `orbits check-proof` does that."""
+        """The proof in a saved document, without verifying it; `orbits check-proof` does that."""
         data = cls._conform(document, Mapping[str, Any])
         if data.get("kind") == "all hops":
             raise InputError(ALL_HOPS)

@@ -75,7 +75,7 @@ def motion_sentence(
 
 
 def loss_sentence(enclosure: Enclosure, bounce_side: str) -> str:
-    """The sentence on the losses of the hops beside the orbit."""
+    """The sentence on the losses of the hops near the orbit."""
     law = f"loses C |d|**(4/3) of it in one hop, to leading order, with C in {enclosure}"
     side = f"{law}, and ten times as much on the side {bounce_side} it, where the landing has a bounce"
     return f"A launch whose speed is off alpha by d {side}."

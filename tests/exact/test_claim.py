@@ -20,7 +20,7 @@ from problems import HeavyHand, hopper_in_si
 def test_numbers_of_a_certificate_are_measured_anew(cubic_hop, name, change):
     certificate = dataclasses.replace(cubic_hop.certificate, **{name: change(getattr(cubic_hop.certificate, name))})
     (said,) = claim_of(dataclasses.replace(cubic_hop, certificate=certificate), cubic_hop.source).contradictions
-    assert said.startswith(f"{name}: the orbit says")
+    assert said.startswith(f"{name}: the orbit states")
     assert not claim_of(cubic_hop, cubic_hop.source).contradictions
 
 
@@ -29,7 +29,7 @@ def test_times_and_places_are_held_to_their_digits(cubic_hop, name):
     moved = dataclasses.replace(cubic_hop, **{name: getattr(cubic_hop, name) * (1 + 1e-9)})
     proof = prove(moved)
     assert not proof.proved
-    assert any(reason.startswith(f"{name}: the orbit says") for reason in proof.reasons)
+    assert any(reason.startswith(f"{name}: the orbit states") for reason in proof.reasons)
 
 
 def test_an_unchanged_file_says_the_same(cubic_hop, tmp_path):
@@ -40,7 +40,7 @@ def test_masses_in_si_are_told():
     orbit = find(hopper_in_si(3.0, 2.0, stiffness=500.0))
     assert not claim_of(orbit, orbit.source).contradictions
     said = dataclasses.replace(orbit, machine={**orbit.machine, "body_mass": 4.0})
-    assert claim_of(said, orbit.source).contradictions[0].startswith("body_mass: the orbit says 4.0")
+    assert claim_of(said, orbit.source).contradictions[0].startswith("body_mass: the orbit states 4.0")
 
 
 def changed(orbit, **changes):
@@ -93,10 +93,10 @@ def test_a_claim_is_the_orbits_numbers(cubic_hop):
 @pytest.mark.parametrize(
     ("change", "words"),
     [
-        ({"spring": "r"}, "spring: the orbit says 'r'"), ({"gravity": "2"}, "gravity: the orbit says '2'"),
-        ({"mass_ratio": 2.0}, "mass_ratio: the orbit says 2.0"), ({"restitution": 0.5}, None),
-        ({"parameters": {"beta": 0.4}}, "beta: the orbit says 0.4, and the machine 0.3"),
-        ({"parameters": {}}, "beta: the orbit says None"), ({"parameters": {"beta": 0.3, "k": 1.0}}, "k: the orbit"),
+        ({"spring": "r"}, "spring: the orbit states 'r'"), ({"gravity": "2"}, "gravity: the orbit states '2'"),
+        ({"mass_ratio": 2.0}, "mass_ratio: the orbit states 2.0"), ({"restitution": 0.5}, None),
+        ({"parameters": {"beta": 0.4}}, "beta: the orbit states 0.4, but the machine 0.3"),
+        ({"parameters": {}}, "beta: the orbit states None"), ({"parameters": {"beta": 0.3, "k": 1.0}}, "k: the orbit"),
     ],
 )  # fmt: skip
 def test_machines_are_compared_by_all_that_their_hops_depend_on(cubic_hop, change, words):
@@ -112,12 +112,12 @@ def test_units_of_parameters_are_compared():
     name, unit = next(iter(orbit.machine["units"].items()))
     other = dataclasses.replace(orbit, machine={**orbit.machine, "units": {**orbit.machine["units"], name: "ft"}})
     assert claim_of(other, orbit.source).contradictions == (
-        f"the unit of {name}: the orbit says 'ft', and the machine {unit!r}",
+        f"the unit of {name}: the orbit states 'ft', but the machine {unit!r}",
     )
 
 
 def test_whose_orbit_it_is(cubic_hop):
     with pytest.raises(InputError, match="does not know its machine"):
         claim_of(dataclasses.replace(cubic_hop, source=None), None)
-    with pytest.raises(InputError, match="an orbit of another machine, with the states y1, y1', y2, y2'"):
+    with pytest.raises(InputError, match="orbit belongs to another machine, with the states y1, y1', y2, y2'"):
         claim_of(cubic_hop, HeavyHand())

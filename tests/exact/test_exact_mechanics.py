@@ -182,16 +182,16 @@ TABLE = StatedSpring("body - foot", ("2",), rows=(("-1", "-1", "1", "0"), ("0", 
 @pytest.mark.parametrize(
     ("changes", "reason"),
     [
-        ({"gap": "foot + foot**3"}, "is no sum of coordinates"),
-        ({"gap": "foot - 1/8"}, "is no sum of coordinates"),
-        ({"gap": "-foot"}, "closed by no coordinate that rises"),
+        ({"gap": "foot + foot**3"}, "is not a sum of coordinates"),
+        ({"gap": "foot - 1/8"}, "is not a sum of coordinates"),
+        ({"gap": "-foot"}, "has no coordinate with a weight above 0 that could close it"),
         ({"masses": (("body", "2"), ("foot", "body"))}, "mass 'body' depends on coordinates"),
-        ({"inertia": (("1", "body - foot"), ("foot - body", "1"))}, "not plainly symmetric"),
-        ({"springs": (replace(BROKEN, extension="body - foot**3"),)}, "in pieces acts along no sum"),
+        ({"inertia": (("1", "body - foot"), ("foot - body", "1"))}, "not shown to be symmetric"),
+        ({"springs": (replace(BROKEN, extension="body - foot**3"),)}, "in pieces must act along a sum"),
         ({"springs": (BROKEN, replace(BROKEN, extension="body"))}, "more than one spring"),
         ({"springs": (TABLE, replace(TABLE, extension="body"))}, "more than one spring"),
-        ({"springs": (replace(BROKEN, breaks=("0.75",)),)}, "not plainly continuous"),
-        ({"launch": "foot"}, "'foot' is no coordinate of the contact"),
+        ({"springs": (replace(BROKEN, breaks=("0.75",)),)}, "not shown to be continuous"),
+        ({"launch": "foot"}, "'foot' is not a coordinate of the contact"),
     ],
 )
 def test_what_no_equations_are_derived_of(changes, reason):

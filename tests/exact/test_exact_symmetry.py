@@ -41,7 +41,7 @@ def test_odd_springs_turn_back(kind):
 @pytest.mark.parametrize("law", ["r + 1e-30*r**2", "exp(r) - 1", "r*cosh(r) + 1e-30", "tanh(r + 1e-30)"])
 @pytest.mark.parametrize("kind", TABLE)
 def test_springs_that_are_not_odd_do_not(kind, law):
-    with pytest.raises(Unproved, match="does not turn the forces, where a spring may have to be odd"):
+    with pytest.raises(Unproved, match="does not reverse the forces; a spring may have to be odd"):
         ExactMechanics(with_law(kind, law), UNITS)
 
 
@@ -51,10 +51,10 @@ def test_pieces_of_a_law_are_taken_to_the_opposite_ones():
     assert (found.order, found.contact_order) == (-1, -1)
     (spring,) = found.stated.springs
     moved = replace(spring, breaks=(spring.breaks[0], f"{spring.breaks[1]} + 1e-30"))
-    with pytest.raises(Unproved, match="not plainly continuous"):
+    with pytest.raises(Unproved, match="not shown to be continuous"):
         ExactMechanics(replace(found.stated, springs=(moved,)), UNITS)
     three = replace(spring, force=("-1", "r", "2"), breaks=("-1", "2"))
-    with pytest.raises(Unproved, match="does not take the breakpoints"):
+    with pytest.raises(Unproved, match="does not map the breakpoints"):
         ExactMechanics(replace(found.stated, springs=(three,)), UNITS)
 
 
@@ -75,19 +75,19 @@ NEXT = (("theta", "theta - 2*angle"), ("phi", "phi - 2*angle"))
 @pytest.mark.parametrize(
     ("changes", "telling"),
     [
-        ({"reversor": (BACK[0], ("phi", "2*angle - phi + 1e-30"))}, "the reversor does not turn the forces"),
-        ({"reversor": BACK[:1]}, "the reversor does not turn the forces"),
-        ({"reversor": (("theta", "2*angle - theta + 1e-30"), BACK[1]), "gaps": ()}, "do not take the closed gap"),
-        ({"reversor": (("theta", "phi"), BACK[1])}, "'theta' is taken to neither itself nor its negative"),
-        ({"reversor": (("theta", "theta - theta**2"), BACK[1])}, "'theta' is taken to neither"),
-        ({"symmetry": (NEXT[0], ("phi", "phi - 2*angle + 1e-30"))}, "the symmetry after the reversor does not turn"),
-        ({"symmetry": (("theta", "theta - 2*angle + 1e-30"), NEXT[1])}, "do not take the closed gap to itself"),
-        ({"symmetry": ()}, "do not take the closed gap to itself"),
-        ({"gaps": (("rear", "theta"), ("front", "2*angle - theta + 1e-30"))}, "the gap of the front, .*, is not"),
-        ({"gaps": (("rear", "2*theta"), ("front", "2*angle - theta"))}, "the gap of the rear, 2\\*theta, is not"),
-        ({"gaps": (("rear", "theta"), ("front", "2*angle - theta"), ("third", "theta"))}, "do not take"),
-        ({"potentials": ("kappa*cos(theta - angle - 1e-30)",)}, "the reversor does not turn the forces"),
-        ({"inertia": (("1", "1e-30*theta"), ("1e-30*theta", "1/mu"))}, "the reversor does not turn the inertia"),
+        ({"reversor": (BACK[0], ("phi", "2*angle - phi + 1e-30"))}, "the reversor does not reverse the forces"),
+        ({"reversor": BACK[:1]}, "the reversor does not reverse the forces"),
+        ({"reversor": (("theta", "2*angle - theta + 1e-30"), BACK[1]), "gaps": ()}, "do not map the closed gap"),
+        ({"reversor": (("theta", "phi"), BACK[1])}, "'theta' must be mapped to itself or its negative"),
+        ({"reversor": (("theta", "theta - theta**2"), BACK[1])}, "'theta' must be mapped to"),
+        ({"symmetry": (NEXT[0], ("phi", "phi - 2*angle + 1e-30"))}, "the symmetry after the reversor does not reverse"),
+        ({"symmetry": (("theta", "theta - 2*angle + 1e-30"), NEXT[1])}, "do not map the closed gap to itself"),
+        ({"symmetry": ()}, "do not map the closed gap to itself"),
+        ({"gaps": (("rear", "theta"), ("front", "2*angle - theta + 1e-30"))}, "the gap of the front, .*, is neither"),
+        ({"gaps": (("rear", "2*theta"), ("front", "2*angle - theta"))}, "the gap of the rear, 2\\*theta, is neither"),
+        ({"gaps": (("rear", "theta"), ("front", "2*angle - theta"), ("third", "theta"))}, "do not map"),
+        ({"potentials": ("kappa*cos(theta - angle - 1e-30)",)}, "the reversor does not reverse the forces"),
+        ({"inertia": (("1", "1e-30*theta"), ("1e-30*theta", "1/mu"))}, "the reversor does not preserve the inertia"),
     ],
 )
 def test_maps_that_do_not_turn_a_wheel_back(changes, telling):

@@ -87,7 +87,7 @@ class TestTunedHop:
             ({"parameters": {"k": "2"}}, "'k' is tuned"),
             ({"tune": "c"}, "'c'"),
             ({"at": 3.0}, "mapping of quantities"),
-            ({"at": {"alpha": "three"}}, "no decimal"),
+            ({"at": {"alpha": "three"}}, "not a decimal"),
         ],
     )
     def test_what_cannot_be(self, tuned_hop, options, telling):
@@ -99,7 +99,7 @@ class TestTunedHop:
         [
             ({"tune": ("k", "rest_length")}, "5 equations for 6 unknowns"),
             ({"at": {"alpha": 3, "period": 9}}, "6 equations for 5 unknowns"),
-            ({"at": {"clearance": 1}}, "no equation of half an orbit says 'clearance'"),
+            ({"at": {"clearance": 1}}, "no equation of half an orbit contains 'clearance'"),
         ],
     )
     def test_what_is_not_proved(self, tuned_hop, options, telling):
@@ -176,12 +176,12 @@ class TestMechanics:
         ("changes", "telling"),
         [
             ({"potentials": ("x**2/10",)}, "depends on the place"),
-            ({"potentials": ("x/10",)}, "does not turn"),
+            ({"potentials": ("x/10",)}, "does not reverse"),
             ({"separation": "l + x"}, "depends on the place"),
             ({"reversor": (("theta", "-theta"), ("phi", "-phi"))}, "reversor"),
             ({"reversor": (("theta", "-theta"), ("phi", "-phi"), ("x", "1 - x"))}, "where it sticks"),
             ({"symmetry": (("x", "x - 1"),)}, "where it sticks"),
-            ({"reversor": (("theta", "-theta"), ("phi", "phi"), ("x", "step - x"))}, "does not turn"),
+            ({"reversor": (("theta", "-theta"), ("phi", "phi"), ("x", "step - x"))}, "does not reverse"),
         ],
     )
     def test_what_is_no_runner(self, stated, changes, telling):

@@ -68,8 +68,8 @@ def next_jet(
 
 
 def pace_of(jet: Mapping[str, arb], base: ExactStatement) -> Fraction:
-    """A pace of alpha, a power of 2, at which the derivatives of a jet by alpha become at most about 1: large ones
-    beside small ones would shorten the steps along the motion."""
+    """A pace of alpha, a power of 2, at which the derivatives of a jet by alpha become at most about 1: large ones next
+    to small ones would shorten the steps along the motion."""
     levels = levels_of(base, 2)
     sizes = [float(abs(value.mid())) ** (1 / levels[name]) for name, value in jet.items() if levels.get(name, 0)]
     return Fraction(1, 2 ** max(0, ceil(log2(max(sizes, default=1.0) or 1.0))))

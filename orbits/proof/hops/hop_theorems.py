@@ -20,11 +20,12 @@ Proof. At the launch the gap and its first two derivatives are 0 (Lemma 5 of `or
 as 1 is proved there by its sign. So each landing is the first zero of the gap in its flight. The machine leaves
 immediately by 2, or stays by 3; it lifts off when the force first vanishes, by the equations at the place of the
 launch, and by 4 with a speed that opens the gap as at the launch. So each hop is that of the map, and its last equation
-says to which launch it leads. All of these conditions are strict on the closed times of the hops, but for the
+says to which launch it leads. All of these conditions are strict on the closed times of the hops, except at the
 beginnings of the flights, where the first derivative of the gap that does not vanish is positive up to some time. So
 they hold for all launches near alpha, whose events are simple zeros: their times are analytic functions of alpha by the
-implicit function theorem. Breakpoints of a law are crossed transversally. The least period divides n, and is no proper
-divisor of it by 5. The statement on stability holds for any differentiable map of the line, as the iterate is one.
+implicit function theorem. Breakpoints of a law are crossed transversally. The least period divides n, and is not a
+proper divisor of it by 5. The statement on stability holds for any differentiable map of the line, as the iterate is
+one.
 
 Theorem 2. Let the equations and their first derivatives by alpha have a zero with the multiplier -1, for an injection
 that is an unknown, which Krawczyk's operator proves, and the conditions 1 to 4. Let P be the map without injection.
@@ -128,7 +129,7 @@ class ClaimedHops:
     """The claims about hops that come back.
 
     launches : the launch speeds
-    error : of these, beside what the map's rounding explains
+    error : of these, in addition to what the map's rounding explains
     multiplier, impacts : None where they are not claimed; the impacts are those of each hop
     """
 
@@ -179,7 +180,7 @@ class _Case:
         scale = Scale.of(guess.launches[0], guess.flights[0][0] / 2)
         mechanics = ExactMechanics(self.stated, scale)
         if mechanics.size != 2:
-            raise Unproved("a launch is more than a speed: there is no map of launch speeds")
+            raise Unproved("a launch has several numbers, so there is no map of launch speeds")
         if inject is None:
             return hop_statement(mechanics, guess.word, unknown(INJECTION))
         low, high = (each / scale.speed for each in inject)
@@ -209,7 +210,7 @@ def _proof(
     except Unproved as error:
         return replace(not_stated(machine, error), kind=kind)
     if INJECTION in stated.parameters:
-        raise InputError(f"a parameter called '{INJECTION}' has the name of the injection; give it another name")
+        raise InputError(f"a parameter called '{INJECTION}' has the name of the injection; rename it")
 
     def attempt(digits: int | None, before: _Result | None) -> _Result:
         try:

@@ -95,7 +95,7 @@ def proved_hop(
     """The zero of equations near a guess of its unknowns, in the units of the machine, along which all formulas have
     values; raises `Unproved`."""
     if depends_on(base.half.mechanics.contact_force, base.half.mechanics.w):
-        raise Unproved("the contact force depends on speeds: an injection would move the place of the lift-off")
+        raise Unproved("the contact force depends on speeds, so an injection would move the place of the lift-off")
     centre = [arb(guess[name] / float(base.unit_of(name))) for name in equations.unknowns]
     if not base.half.mechanics.pieces:  # a single motion approaches a breakpoint in ever shorter steps
         centre = polished(equations, centre)
