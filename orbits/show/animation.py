@@ -50,7 +50,7 @@ def animate_simulation(run: "Simulation", path: str | Path, frames: int = 200, p
 
 def _frames(frames) -> int:
     if isinstance(frames, bool) or not isinstance(frames, int | np.integer) or frames < 2:
-        raise InputError(f"frames = {frames!r}; an animation has at least 2")
+        raise InputError(f"frames = {frames!r}; an animation needs at least 2")
     return int(frames)
 
 
@@ -62,7 +62,7 @@ def check_animation(path: str | Path) -> Path:
         from matplotlib.animation import FFMpegWriter
 
         if not FFMpegWriter.isAvailable():
-            raise InputError(f"'{path}' cannot be written: there is no ffmpeg to write .mp4 with; write .gif instead")
+            raise InputError(f"'{path}' cannot be written: writing .mp4 needs ffmpeg; write .gif instead")
     return path
 
 
@@ -76,7 +76,7 @@ def _sideways(axes: Axes, below: np.ndarray, above: np.ndarray, link: float) -> 
 def _lifted(heights: Mapping, springs, standing: Mapping) -> dict:
     """Heights (frames,) by name with room for springs that are long enough, in whatever order these are listed.
 
-    standing : the heights by name, None for the ground, at a generic state of the contact, where those that land on
+    standing : the heights by name, None for the ground, at a generic state of the contact, where heights that land on
         each other are equal; these get the same room
     """
     room, near = 1.2 * max(map(np.ptp, heights.values())), 1e-9 * max(map(abs, standing.values()))

@@ -2,7 +2,7 @@
 
 A figure begins with `axes_or_new(axes, shape)`, `new_axes(shape)` or `new_row(count, shape)`, where the shape is the
 height of the axes over their width. `headline` states its machine, `label_of` names what is on its axes, and `finished`
-gives it a legend. `save_figure(axes, path, width)` writes a figure at another width, for which it is laid out anew.
+gives it a legend. `save_figure(axes, path, width)` writes a figure at another width, for which it is laid out again.
 """
 
 import sys
@@ -60,11 +60,11 @@ def _on_screen() -> bool:
 
 
 def axes_or_new(axes: object, shape: float = 0.68) -> Axes:
-    """The axes that are stated, or else new ones of a shape; raises `InputError` for what are none."""
+    """The axes that are stated, or else new ones of a shape; raises `InputError` for anything but axes."""
     from matplotlib.axes import Axes as Known
 
     if not (axes is None or isinstance(axes, Known)):
-        raise InputError(f"axes = {axes!r}; they are Axes of matplotlib, as figure.add_subplot() has them")
+        raise InputError(f"axes = {axes!r}; they must be Axes of matplotlib, such as figure.add_subplot() returns")
     return new_axes(shape) if axes is None else axes
 
 
@@ -144,7 +144,7 @@ def entitled(axes: Axes, text: str) -> Axes:
 
 
 def colour_bar(axes: Axes, drawn: Any, label: str, own: Axes | None = None) -> Any:
-    """The bar of the colours of what is drawn on axes, beside these or, level, in axes of its own."""
+    """The bar of the colours of what is drawn on axes, next to these or, level, in axes of its own."""
     place = {"ax": axes} if own is None else {"cax": own, "orientation": "horizontal"}
     bar = axes.figure.colorbar(drawn, label=label, **place)
     dressed(bar.ax, axes)
@@ -180,7 +180,7 @@ def set_width(axes: Axes, width: float) -> None:
     placed below each other."""
     width = finite_number("width", width)
     if width < STYLE.panel:
-        raise InputError(f"width = {width:g} mm; a figure is at least {STYLE.panel:g} mm wide")
+        raise InputError(f"width = {width:g} mm; a figure must be at least {STYLE.panel:g} mm wide")
     figure = axes.figure
     (wide, high), (rows, columns, _) = figure.get_size_inches() * STYLE.inch, grid_of(axes)
     if is_laid_out(axes) and width / columns < STYLE.panel:

@@ -81,7 +81,9 @@ def panels_below(axes: Axes, count: int, height: float = 0.5) -> list[Axes]:
     Raises `InputError` for axes that stand in no grid.
     """
     if (room := axes.get_subplotspec()) is None:
-        raise InputError("these axes cannot be divided: make them by figure.add_subplot or matplotlib.pyplot.subplots")
+        raise InputError(
+            "these axes cannot be divided: make them with figure.add_subplot or matplotlib.pyplot.subplots"
+        )
     grid = room.subgridspec(1 + count, 1, height_ratios=[1.0] + count * [height])
     axes.set_subplotspec(grid[0])
     return [dressed(axes.figure.add_subplot(grid[1 + i], sharex=axes), axes) for i in range(count)]

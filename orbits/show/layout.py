@@ -13,7 +13,7 @@ from matplotlib.ticker import AutoLocator
 
 from .style import STYLE, columns_of_legend, place_legend
 
-GLUE = "\xa0"  # a blank at which no line is broken
+GLUE = "\xa0"  # a blank at which a line is never broken
 
 
 class Layout(ConstrainedLayoutEngine):

@@ -205,7 +205,7 @@ def plot_bifurcations(diagram: Any, axes: Axes | None = None) -> Axes:
     dashed, over the launches that are visited in the long run, with its events marked; return the axes."""
     axes = axes_or_new(axes, 0.75)
     if not (len(diagram.branches) or len(diagram.visits)):
-        raise InputError("there is nothing to draw: no launch comes back in this range")
+        raise InputError("nothing to draw: no launch in this range comes back")
     if len(diagram.visits):
         axes.plot(*diagram.visits.T, ".", ms=1.2, mew=0, color="0.55", zorder=1, rasterized=True)
         axes.plot(*diagram.visits[:1].T, "o", color="0.55", ms=3, label="visited in the long run", zorder=1)

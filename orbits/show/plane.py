@@ -55,7 +55,8 @@ def steps_of_run(run: "Simulation", t: np.ndarray) -> np.ndarray:
 
 
 def labelled(result: Any, t: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """The flight states (k, n) of an orbit or a simulation at times (k,) in the labels after so many landings (k,)."""
+    """The flight states (k, n) of an orbit or a simulation at times (k,) in the labels after these numbers of landings
+    (k,)."""
     if hasattr(result, "contact_time"):
         return result(t), landings_of(result, t)
     if result.source.model.sticks:  # each step of a simulation has a length of its own
@@ -64,7 +65,7 @@ def labelled(result: Any, t: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def cycles_shown(orbit: "Orbit") -> int:
-    """The number of cycles after which it is seen of an orbit that it goes on, or that it is back."""
+    """The number of cycles after which an orbit shows that it moves on, or that it is back."""
     drawing, machine = drawing_of(orbit.source), orbit.source
     if machine is None or orbit.contact_time is None or not (drawing and drawing.onward):
         return 1
@@ -72,7 +73,7 @@ def cycles_shown(orbit: "Orbit") -> int:
 
 
 def plane_paths(machine: Any, states: np.ndarray, landings: np.ndarray) -> list[PlanePath]:
-    """The outlines of a machine in flight states (k, n) in the labels after so many landings (k,)."""
+    """The outlines of a machine in flight states (k, n) in the labels after these numbers of landings (k,)."""
     drawing, p, found = machine.drawing, machine.values, list[PlanePath]()
     place: dict[str, Any] = dict(zip(machine.coordinates, states[:, : 2 * len(machine.coordinates) : 2].T, strict=True))
     place[LANDINGS] = landings.astype(float)
@@ -91,7 +92,8 @@ def plane_paths(machine: Any, states: np.ndarray, landings: np.ndarray) -> list[
 
 
 def _led_on(drawing: Drawing, points: np.ndarray, landings: np.ndarray, p: Mapping) -> np.ndarray:
-    """Points (k, m, 2) after so many landings (k,), in the labels of the first flight; below 0 for steps back."""
+    """Points (k, m, 2) after these numbers of landings (k,), in the labels of the first flight; below 0 for steps
+    back."""
     (signs, shifts), k = _after_landing(drawing, p), landings[:, None, None]
     turned = np.where(k % 2 == 1, shifts - points, points)
     return np.where(signs > 0, points + k * shifts, turned)
@@ -120,15 +122,15 @@ def comes_back(drawing: Drawing, p: Mapping) -> bool:
 
 @dataclass(frozen=True, eq=False)
 class PlaneMotion:
-    """A machine in the plane over several cycles, for a page, as seen by one who goes on with it.
+    """A machine in the plane over several cycles, for a page, as seen by an observer who moves with it.
 
     points : flat, of each outline its points one time after the other, (cycles * times, size, 2)
     outlines : columns by name, one entry for each outline: "size", which is 0 of one that is traced, "name", "colour",
         "closed" and "ends"
-    trails : flat, of each outline that is traced its points, not seen as one who goes on sees them, over the cycles
-        behind the machine and then those shown
+    trails : flat, of each outline that is traced its points, in fixed coordinates, over the cycles behind the machine
+        and then those shown
     advance : of a cycle, across
-    marks : places across of the feet that stand beside the trails
+    marks : places across of the standing feet, in addition to the trails
     cycles : after which it begins again
     middle : of the picture, across
     ground : whether there is ground
@@ -163,7 +165,7 @@ def motion_in_plane(orbit: "Orbit") -> PlaneMotion | None:
         **{name: [getattr(each.outline, name) for each in paths] for name in ("name", "closed", "ends")},
     }
     points = np.concatenate([each.points.ravel() for each in moving]).astype(np.float32)
-    # The path behind a machine that goes on is that of its last cycles, so many cycles earlier.
+    # The path behind a machine that goes on is that of its last cycles, some cycles earlier.
     behind = DRAWN.cycles_behind
     last, back = -behind * DRAWN.times_of_cycle, cycles * advance
     traced = [each.points[:, 0] for each in paths if each.outline.traced]
@@ -175,8 +177,8 @@ def motion_in_plane(orbit: "Orbit") -> PlaneMotion | None:
 
 
 def _cycles_alike(orbit: "Orbit", advance: np.ndarray) -> int:
-    """The number of cycles after which a machine looks as at first to one who goes on with it, `DRAWN.cycles_onward`
-    where it takes too many."""
+    """The number of cycles after which a machine looks as at first to an observer who moves with it,
+    `DRAWN.cycles_onward` where it takes too many."""
     behind = DRAWN.cycles_behind
     t = (np.arange(DRAWN.cycles_on_page + 1) + 0.1) * orbit.period
     parts: dict[str, list[np.ndarray]] = {}
@@ -231,7 +233,7 @@ def animate_in_plane(
     path: Path, words: np.ndarray, machine: Any, states: np.ndarray, landings: np.ndarray, units: Units | None,
     progress: Progress,
 ) -> Path:  # fmt: skip
-    """Write an animation of a machine in flight states (frames, n) after so many landings (frames,)."""
+    """Write an animation of a machine in flight states (frames, n) after these numbers of landings (frames,)."""
     paths, (metres, *_) = plane_paths(machine, states, landings), unit_labels(units)
     (left, right), (low, high) = _extent_of(paths)
     with off_screen():

@@ -47,7 +47,7 @@ class Drawn(NamedTuple):
     destinations: float = 0.05  # height of the bar that shows them, as a share of the axes
     most_bars: int = 300  # intervals of launches that are drawn as bars; of more, their share in bins is drawn
     bins: int = 1000
-    least_share: float = 1e-4  # of launches that are chaotic or undecided, below which they are left out beside a map
+    least_share: float = 1e-4  # of launches that are chaotic or undecided, below which they are left out next to a map
     # Dashes of curves of bifurcations, one for each doubling of the period.
     dashes_at_borders: tuple = ((0, (1, 1.3)), (0, (1, 2)), (0, (1, 3)), (0, (1, 4)))
     contours: int = 8  # of a map of results
@@ -67,7 +67,7 @@ DRAWN = Drawn()
 
 def angles_shown(orbit: "Orbit", drawn: bool = False) -> tuple[str, ...]:
     """The coordinates of an orbit whose machine turns and is shown by its angles: where these are its heights, or where
-    it is `drawn` beside them; none of another."""
+    it is `drawn` next to them; none of another."""
     own, angles = (getattr(orbit.source, name, ()) for name in ("coordinates", "angles"))
     return tuple(reversed(own)) if {*(own if drawn else orbit.shape.heights)} <= {*angles} else ()
 
@@ -142,7 +142,7 @@ def masses_at(orbit: "Orbit", states: np.ndarray) -> dict[str, tuple[np.ndarray,
 def plot_family(family: "Family", axes: Axes | None = None, quantity: str = "alpha", label: str | None = None) -> Axes:
     """Plot a quantity of a family's orbits against the parameter, with events and ends marked; return the axes.
 
-    Orbits that are no motions are dashed. Further families go into the same axes, each with its `label`.
+    Orbits that are not motions are dashed. Further families go into the same axes, each with its `label`.
     """
     axes = axes_or_new(axes, 0.75)
     x, y, motions, others = family_curve(family, quantity)
@@ -185,8 +185,8 @@ def _mark(axes: Axes, family: "Family", x: np.ndarray, y: np.ndarray) -> None:
 
 def family_curve(family: "Family", quantity: str) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """The parameter (k,) at the points and events in order along a family's curve, and the quantity (k,) three times:
-    of all orbits, of those that are motions, and of the others, NaN elsewhere."""
-    along = family.in_order()  # admissibility changes at an event, not at a point beside it
+    of all orbits, of the motions, and of the others, NaN elsewhere."""
+    along = family.in_order()  # admissibility changes at an event, not at a point next to it
     x, y = (family.values_at([point for point, _ in along], name) for name in ("value", quantity))
     motion = np.array([point.admissible for point, _ in along], dtype=bool)
     joint = np.array([event is not None for _, event in along], dtype=bool)

@@ -21,7 +21,7 @@ def plot_sensitivities(found: "Sensitivities", axes: Axes | None = None) -> Axes
     axes."""
     rows, columns = [*found], [*found.parameters]
     if not (rows and columns):
-        raise InputError("there are no derivatives to draw: name quantities and parameters")
+        raise InputError("no derivatives to draw: name quantities and parameters")
     axes = axes_or_new(axes, 0.3 + 0.07 * len(rows))
     shares = np.array([[found.relative()[row][column] for column in columns] for row in rows])
     known = np.nan_to_num(shares, posinf=0.0, neginf=0.0)
@@ -44,7 +44,7 @@ def plot_indices(found: Any, quantity: str | None = None, axes: Axes | None = No
     axes."""
     quantity = next(iter(found)) if quantity is None else quantity
     if quantity not in found:
-        raise InputError(f"there are no indices of '{quantity}'; there are those of {', '.join(found)}")
+        raise InputError(f"no indices of '{quantity}' were computed; choose one of {', '.join(found)}")
     axes, each = axes_or_new(axes), found[quantity]
     for k, order in enumerate(("first", "total")):
         heights, low, high = (

@@ -69,7 +69,7 @@ UNTOUCHED = {"contype": "0", "conaffinity": "0"}
 def export_orbit(orbit: "Orbit", folder: str | Path, t: ArrayLike | None = None) -> Path:
     """Write an orbit's table and model to a folder; see `Orbit.export`."""
     if orbit.source is None:
-        raise InputError("an export needs the orbit's machine: name it, Orbit.load(path, machine)")
+        raise InputError("an export needs the orbit's machine: pass it, Orbit.load(path, machine)")
     cycles = cycles_shown(orbit)
     end = orbit.flight_time if orbit.contact_time is None else cycles * orbit.period
     whole = np.linspace(0.0, end, cycles * (TABLE_ROWS - 1) + 1)
@@ -88,10 +88,10 @@ def export_simulation(run: "Simulation", folder: str | Path, t: ArrayLike | None
 def check_folder(folder: str | Path) -> Path:
     """The path of a folder to write to; raises `InputError` where there is a file, or no folder to make it in."""
     if not isinstance(folder, str | Path) or folder == "":
-        raise InputError(f"folder = {folder!r}; it is the name of one")
+        raise InputError(f"folder = {folder!r}; it must be the name of a folder")
     with refusing("motion", path := Path(folder)):
         if path.exists() and not path.is_dir():
-            raise InputError(f"'{path}' cannot be written to: it is a file, and not a folder")
+            raise InputError(f"'{path}' cannot be written to: it is a file, not a folder")
         if not path.parent.is_dir():
             raise InputError(f"'{path}' cannot be made: there is no folder '{path.parent}'")
     return path
@@ -101,7 +101,7 @@ def _checked_times(t: ArrayLike) -> np.ndarray:
     """Times (k,) of a table; raises `InputError` for anything but finite numbers, and for none."""
     times = np.ravel(as_array_or_nan(t))
     if not len(times) or not (np.abs(times) <= LARGEST_NUMBER).all():
-        raise InputError(f"t = {t!r}: the times of a table are numbers, one or more, up to {LARGEST_NUMBER:.0e}")
+        raise InputError(f"t = {t!r}; the times of a table must be one or more numbers, up to {LARGEST_NUMBER:.0e}")
     return times
 
 
@@ -111,7 +111,7 @@ def _export(
     """Write the rows at times `t`, and the model whose springs cover the motion at the times `whole`."""
     path, machine = check_folder(folder), result.source
     if not hasattr(machine, "stated"):
-        raise InputError(f"{machine!r} states no mechanics, from which its bodies follow: state an orbits.Mechanism")
+        raise InputError(f"{machine!r} states no mechanics to derive its bodies from: state an orbits.Mechanism")
     jointed = _Jointed.of(machine)
     places, speeds = jointed.motion(*labelled(result, t))
     rows = np.column_stack([t, places, speeds]).tolist()
@@ -214,7 +214,8 @@ class _Jointed:
 
     @exclusive
     def motion(self, states: np.ndarray, landings: np.ndarray) -> list[np.ndarray]:
-        """The places and the speeds (k, m) of the joints in flight states (k, n) after so many landings (k,)."""
+        """The places and the speeds (k, m) of the joints in flight states (k, n) after these numbers of landings
+        (k,)."""
         y, v, n = self._coordinates, ca.SX.sym("v", self._coordinates.numel()), 2 * len(self.mechanism.coordinates)
         results = [self._places, ca.jtimes(self._places, y, v)]
         function = MappedFunction(ca.Function("motion", [y, v, self._symbols[LANDINGS]], results))
@@ -243,8 +244,8 @@ class _Jointed:
 
     @exclusive
     def weight_beside(self) -> list[str]:
-        """In words, the weight that the machine has beside that of its bodies; raises `InputError` where their inertia
-        is not the machine's."""
+        """In words, the weight that the machine has in addition to that of its bodies; raises `InputError` where their
+        inertia is not the machine's."""
         m, y, bodies = self.mechanism, self._coordinates, self._moving()
         own = [(self._symbolic(place), self.number(mass)) for place, mass in moving_masses(m.elements)]
         theirs = [(path, self.number(body.mass)) for body, centre, _ in bodies for path in ca.vertsplit(centre)]
@@ -265,17 +266,17 @@ class _Jointed:
                 i, j = odd[0]
                 moved = " and ".join(dict.fromkeys((m.coordinates[i], m.coordinates[j])))
                 raise InputError(
-                    f"the bodies of the {m.name} have the inertia {built[i, j]:.6g} where it has {inertia[i, j]:.6g}, "
-                    f"of {moved}: state the masses, inertias and joints of bodies= so that both are the same"
+                    f"the inertia of {moved} is {built[i, j]:.6g} in the bodies of the {m.name}, but "
+                    f"{inertia[i, j]:.6g} in its mechanics: correct the masses, inertias and joints of bodies="
                 )
         alike = all(
             np.allclose(a, b, rtol=0, atol=SIMULATORS.same_masses * abs(np.append(a, b)).max()) for *_, a, b in seen
         )
-        return [] if alike else ["the weight that differs from that of the bodies"]
+        return [] if alike else ["the part of the weight that differs from that of the bodies"]
 
     @exclusive
     def weights(self, extension: Any) -> tuple[np.ndarray, float] | None:
-        """The weights (m,) of the joints in an extension, and the rest of it; None where it is no such sum."""
+        """The weights (m,) of the joints in an extension, and the rest of it; None where it is not such a sum."""
         y, seen, whole = self._coordinates, list[tuple[np.ndarray, float]](), self._symbolic(extension)
         results = self._seen(whole, self._places, ca.jacobian(whole, y), ca.jacobian(self._places, y))
         for value, places, slopes, frame in results:
@@ -341,7 +342,7 @@ class _Jointed:
         notes = [
             f"Numbers are in {units}.",
             f"{MOTION_FILE} has qpos and qvel in this order.",
-            "The ground touches nothing.",
+            "Nothing collides with the ground.",
         ]
         notes += [f"Not in this model: {each}." for each in left]
         notes += [f"Approximate: {each}." for each in near]
@@ -377,7 +378,7 @@ class _Jointed:
         node, lines = _node(carrier, "body", name=body.name, pos=_in_text(x, 0, z)), self._lines(body)
         mass = self.number(body.mass)
         if not 0 < mass < np.inf:
-            raise InputError(f"body '{body.name}' has the mass {mass:g}; simulators take one above 0")
+            raise InputError(f"body '{body.name}' has the mass {mass:g}; a simulator needs a mass above 0")
         about = max(self.number(body.inertia), SIMULATORS.inertia_of_point * mass)
         inertia = _in_text(about, about, about)
         _node(node, "inertial", pos=_in_text(across, 0, up), mass=_in_text(mass), diaginertia=inertia)

@@ -38,7 +38,7 @@ class Style(NamedTuple):
     widened: float = 1.15  # width of a legend below axes that stand in no grid, in theirs
     tick: float = 1.4  # room that a number on an axis needs, in its own sizes
     ticks: int = 8  # on an axis, at most
-    margin: float = 6.0  # beside a text in pixels
+    margin: float = 6.0  # next to a text in pixels
     shortest: int = 6  # letters of a line that is not broken
     layouts: int = 3  # of a figure, each with the room that the one before left, at most
     digits: int = 6  # of the numbers in a title

@@ -34,16 +34,16 @@ def plot_sweep(sweep: Any, quantity: str, axes: Axes | None = None) -> Axes:
     takes no `axes`."""
     values = sweep[quantity]
     if values.dtype == object:
-        raise InputError(f"'{quantity}' is no number: give one of {', '.join(sweep.numbers)}")
+        raise InputError(f"'{quantity}' is not a number: choose one of {', '.join(sweep.numbers)}")
     if len(sweep.about["families"]) > 1 and len(sweep.parameters) > 1:
-        raise InputError("a figure over two parameters or more is of one family: plot sweep.of_family(n)")
+        raise InputError("a figure over two or more parameters shows one family: plot sweep.of_family(n)")
     if len(sweep.parameters) == 1:
         return _over_one(sweep, quantity, axes_or_new(axes))
     if len(sweep.parameters) == 2:
         return _surface(sweep, quantity, axes_or_new(axes, 0.75))
     if axes is not None:
         raise InputError(
-            f"axes: a sweep over {len(sweep.parameters)} parameters fills a figure of its own: leave them out"
+            f"axes: a sweep over {len(sweep.parameters)} parameters needs a figure of its own: leave axes out"
         )
     return _matrix(sweep, quantity)
 

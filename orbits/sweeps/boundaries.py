@@ -1,5 +1,5 @@
-"""The boundaries between neighbours on a grid, bracketed ever more closely: by curves of events that pass, beside
-orbits that are continued, and by bisection."""
+"""The boundaries between neighbours on a grid, bracketed ever more closely: by curves of events that pass, from
+continued orbits, and by bisection."""
 
 from collections import Counter
 from collections.abc import Callable, Sequence
@@ -56,7 +56,7 @@ def cut_by_curves(
     if not cuts:
         return whole, 0
     sides = grid.sides(np.array([cut[:2] for cut in cuts]), np.array([cut[2] for cut in cuts]))
-    stations = list[tuple[int, float, float]]()  # side, share, and the place of the curve beside it
+    stations = list[tuple[int, float, float]]()  # side, share, and the place of the curve next to it
     for k, places in enumerate(cuts.values()):
         ends = [sides.low[k], *places, sides.high[k]]
         stations.append((k, ends[0], np.nan))
@@ -92,7 +92,7 @@ def _passed_sides(
 
 
 def by_continuation(grid: Grid, found: Brackets, both_ways: bool, settled: Settled) -> Brackets:
-    """The brackets, closed where the boundary is found beside orbits which are continued."""
+    """The brackets, closed where the boundary is found from continued orbits."""
     which = np.flatnonzero(~found.exact & (found.in_row | both_ways) & found.orbits.any(1))
     if len(which):
         some = found.take(which)

@@ -37,7 +37,7 @@ class BoundaryOptions(NamedTuple):
     """From where curves of events are followed as boundaries, and which of them are one."""
 
     pairs: int = 24  # of neighbours from which curves are followed, at most
-    without: int = 6  # pairs in succession that lead to no curve, after which no others are tried
+    without: int = 6  # pairs in succession that lead to no curve, then others are not tried
     same: float = 1e-7  # share of the range of an event: a curve of its kind that passes a row within this is its curve
     # Width of events on the way, which are located only as precisely as curves that begin there need it, since their
     # first points solve the equations of the events. A quantity that changes its sign by a jump is distinguished from
@@ -82,8 +82,8 @@ class BoundaryCurve:
 
 
 def boundary_curves(grid: Grid, orbit_at: Callable[[Machine], Orbit], machine: Machine) -> list[BoundaryCurve]:
-    """The curves of events that pass between neighbours in rows of which one has an orbit, from the rows in the middle
-    on, until all such neighbours are passed or no more are found.
+    """The curves of events that pass between neighbours in rows where one has an orbit, from the rows in the middle on,
+    until all such neighbours are passed or no more are found.
 
     orbit_at : machine -> its orbit, from which the family between two neighbours is followed
     """

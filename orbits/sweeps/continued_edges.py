@@ -1,4 +1,4 @@
-"""Boundaries beside orbits that are continued: up to where they end, or become motions or none.
+"""Boundaries from continued orbits: up to where they end, or become motions or none.
 
 Where an orbit is known on one side of a boundary, it is continued towards the other side by halving the way that is
 left, for all boundaries together. The statuses of the lowest orbits on both sides of what is found confirm it.

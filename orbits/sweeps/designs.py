@@ -84,7 +84,7 @@ def _frozen(name: str, arguments: str, options: str) -> Any:
 
     family = getattr(stats, name, None)
     if not isinstance(family, stats.rv_continuous | stats.rv_discrete):
-        raise InputError(f"{name!r} is no distribution of scipy.stats")
+        raise InputError(f"{name!r} is not a distribution of scipy.stats")
     if len(arguments) + len(options) > LONGEST_ARGUMENTS:
         raise InputError(f"the arguments of {name!r} have more than {LONGEST_ARGUMENTS} characters")
     return family(*literal_eval(arguments), **literal_eval(options))
@@ -133,12 +133,14 @@ def members_of(
     table = samples is not None and not isinstance(samples, int | np.integer | float | tuple)
     if table:
         if isinstance(over, Mapping):
-            raise InputError("a table of samples has the values itself: over is then the names of its columns, or None")
+            raise InputError("a table of samples has the values: over must then be the names of its columns, or None")
         if sampling is not None:
-            raise InputError(f"sampling = {sampling!r} draws samples; a table of samples has them already")
+            raise InputError(
+                f"sampling = {sampling!r} draws samples, but a table of samples has them already: leave it out"
+            )
         return _members_of_table(samples, None if over is None else list(over), allowed, machine)
     if not isinstance(over, Mapping) or not over:
-        raise InputError(f"over = {over!r}; it maps names of parameters to values or ranges, as {{'k': (1, 2)}}")
+        raise InputError(f"over = {over!r}; it must map names of parameters to values or ranges, as {{'k': (1, 2)}}")
     refuse_others(machine, over, "to sweep over", allowed)
     axes = {name: axis_of(name, stated) for name, stated in over.items()}
     if sampling is None:
@@ -160,11 +162,9 @@ def axis_of(name: str, stated: object) -> Axis:
     if isinstance(stated, tuple) and len(stated) in (2, 3) and not (len(stated) == 3 and stated[2] != "log"):
         low, high = (finite_number(f"over '{name}'", value) for value in stated[:2])
         if not low < high:
-            raise InputError(
-                f"over '{name}' = {stated}: a range goes up, low < high; for one value give a list, [{low:g}]"
-            )
+            raise InputError(f"over '{name}' = {stated}: low must be below high; for one value give a list, [{low:g}]")
         if len(stated) == 3 and not low > 0:
-            raise InputError(f"over '{name}' = {stated}: a logarithmic range lies above 0")
+            raise InputError(f"over '{name}' = {stated}: a logarithmic range must lie above 0")
         return Axis(low=low, high=high, logarithmic=len(stated) == 3)
     if isinstance(stated, list | np.ndarray | range) and is_list(stated):
         values = tuple(finite_number(f"over '{name}'", value) for value in stated)
@@ -172,7 +172,7 @@ def axis_of(name: str, stated: object) -> Axis:
             raise InputError(f"over '{name}' = {stated!r} has no values")
         return Axis(values)
     known = "a range (low, high) or (low, high, 'log'), a list of values or a frozen distribution of scipy.stats"
-    raise InputError(f"over '{name}' = {stated!r}; it is {known}")
+    raise InputError(f"over '{name}' = {stated!r}; it must be {known}")
 
 
 def _grid(axes: Mapping[str, Axis], samples: object) -> Members:
@@ -180,7 +180,7 @@ def _grid(axes: Mapping[str, Axis], samples: object) -> Members:
     ranges = [name for name, axis in axes.items() if not axis.values]
     counts = samples if isinstance(samples, tuple) else (10 if samples is None else samples,) * len(axes)
     if len(counts) != len(axes):
-        raise InputError(f"samples = {samples}: a grid over {', '.join(axes)} has {len(axes)} numbers of values")
+        raise InputError(f"samples = {samples}: a grid over {', '.join(axes)} needs {len(axes)} numbers of values")
     columns = []
     for (name, axis), count in zip(axes.items(), counts, strict=True):
         if axis.values:
@@ -196,7 +196,7 @@ def _grid(axes: Mapping[str, Axis], samples: object) -> Members:
             f"samples = {samples}: a grid of {' x '.join(map(str, shape))} has more than {MOST_MEMBERS} members"
         )
     if not ranges and samples is not None and not isinstance(samples, tuple):
-        raise InputError(f"samples = {samples}: the grid over lists has as many members as these have, leave it out")
+        raise InputError(f"samples = {samples}: the lists already set the size of the grid; leave samples out")
     values = np.stack(np.meshgrid(*columns, indexing="ij"), axis=-1).reshape(-1, len(columns))
     return _finite_members(Members(tuple(axes), values, shape, tuple(axes.values())))
 
@@ -220,7 +220,9 @@ def _members_of_table(table: Any, wanted: list[str] | None, allowed: Sequence[st
     elif isinstance(table, Mapping) or hasattr(table, "columns"):
         columns = {str(name): table[name] for name in table}
     else:
-        raise InputError(f"samples = {table!r}; it is a number, a DataFrame, a mapping of arrays or a CSV file's name")
+        raise InputError(
+            f"samples = {table!r}; it must be a number, a DataFrame, a mapping of arrays or a CSV file's name"
+        )
     if not columns:
         raise InputError("the table of samples has no columns")
     if missing := [name for name in wanted or () if name not in columns]:
@@ -235,8 +237,8 @@ def _members_of_table(table: Any, wanted: list[str] | None, allowed: Sequence[st
 
 
 def read_designs(path: str | Path) -> dict[str, list[str]]:
-    """The columns of a CSV file by name; raises `InputError` for a file that is no table."""
-    return read_file(path, f"{path} is no table of designs", _csv_columns, LARGEST_TABLE)
+    """The columns of a CSV file by name; raises `InputError` for a file that is not a table."""
+    return read_file(path, f"{path} is not a table of designs", _csv_columns, LARGEST_TABLE)
 
 
 def _csv_columns(file: BinaryIO) -> dict[str, list[str]]:
@@ -251,7 +253,7 @@ def _named_columns(rows: Any) -> dict[str, list[str]]:
     """The columns of rows whose first one has their names."""
     names = [name.strip() for name in next(rows, [])]
     if not names or not all(names) or len(set(names)) < len(names):
-        raise ValueError(f"its first line, {names}, does not name the columns, each once")
+        raise ValueError(f"its first line, {names}, must name the columns, each once")
     columns: dict[str, list[str]] = {name: [] for name in names}
     for row in rows:
         if row and len(row) != len(names):
@@ -264,12 +266,12 @@ def _named_columns(rows: Any) -> dict[str, list[str]]:
 
 
 def _text_lines(file: BinaryIO) -> Iterator[str]:
-    """The lines of a file; raises `ValueError` for one that is no text."""
+    """The lines of a file; raises `ValueError` for one that is not text."""
     for i, line in enumerate(file):
         try:
             yield line.decode("utf-8-sig" if i == 0 else "utf-8")
         except UnicodeDecodeError:
-            raise ValueError(f"line {i + 1} is no text in UTF-8: save it as such") from None
+            raise ValueError(f"line {i + 1} is not text in UTF-8: save the file in UTF-8") from None
 
 
 def as_numbers(name: str, column: Iterable[Any], table: str = "samples") -> np.ndarray:
@@ -281,7 +283,7 @@ def as_numbers(name: str, column: Iterable[Any], table: str = "samples") -> np.n
         values = np.array([_as_number(value) for value in entries])
     if not np.isfinite(values).all():
         row = int(np.argmin(np.isfinite(values)))
-        raise InputError(f"{table}: row {row + 1} of column '{name}' is {entries[row]!r}, which is no finite number")
+        raise InputError(f"{table}: row {row + 1} of column '{name}' is {entries[row]!r}, which is not a finite number")
     return values
 
 
@@ -295,7 +297,7 @@ def _as_number(value: Any) -> float:
 def _finite_members(members: Members) -> Members:
     """The members; raises `InputError` where there are none, too many, or a value is not finite."""
     if not 0 < len(members) <= MOST_MEMBERS:
-        raise InputError(f"a sweep has from 1 to {MOST_MEMBERS} members, not {len(members)}")
+        raise InputError(f"a sweep must have from 1 to {MOST_MEMBERS} members, not {len(members)}")
     for name, column in zip(members.names, members.values.T, strict=True):
         if not np.isfinite(column).all():
             raise InputError(f"over '{name}': its distribution has values that are not finite")

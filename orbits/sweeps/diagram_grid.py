@@ -11,7 +11,7 @@ WITH_ORBIT = ("certified", "inadmissible")
 
 
 class Brackets(NamedTuple):
-    """Parts of sides of cells in each of which a boundary lies, between two different statuses.
+    """Parts of sides of cells that each contain a boundary, between two different statuses.
 
     nodes, in_row : the nodes (k, 2) before the sides by their indices, and whether the sides lie in rows (k,)
     low, high : the shares (k,) of the range between which the boundary lies

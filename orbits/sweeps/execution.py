@@ -1,4 +1,4 @@
-"""The chunks of a sweep, solved here or by an executor's workers, some of which may die.
+"""The chunks of a sweep, solved here or by an executor's workers; some workers may die.
 
 A chunk is a pure function of data that can be pickled, so that any executor can solve it, in any order, and again.
 """
@@ -58,10 +58,10 @@ def chunks_of(question: Question, done: np.ndarray) -> list[Chunk]:
 def check_executor(executor: object, workers: int | None) -> None:
     """Raise `InputError` for an invalid executor, or an invalid number of its workers."""
     if workers is not None and whole_number("workers", workers, most=1000) > 1 and executor is None:
-        raise InputError(f"workers = {workers}: they are processes, with executor='processes'")
+        raise InputError(f"workers = {workers}: pass executor='processes' to use worker processes")
     known = executor is None or (isinstance(executor, str) and executor == "processes")
     if not (known or hasattr(executor, "submit")):
-        raise InputError(f"executor = {executor!r}; it is None, 'processes' or an executor of concurrent.futures")
+        raise InputError(f"executor = {executor!r}; it must be None, 'processes' or an executor of concurrent.futures")
 
 
 def solved_chunks(
@@ -94,7 +94,7 @@ def _pickled(question: Question, executor: object) -> bytes:
             return cloudpickle.dumps(question)
         return pickle.dumps(question)
     except Exception as error:
-        way = "use formulas, or functions of a module that can be imported; a Dask cluster takes it, by cloudpickle"
+        way = "use formulas, or functions of an importable module; or use a Dask cluster, which sends it by cloudpickle"
         raise InputError(f"this machine cannot be sent to other processes ({error}): {way}") from None
 
 
@@ -129,7 +129,7 @@ def _retain_freed_memory() -> None:
 def _begin_worker(alive: "Connection", compiled: Compiled) -> None:
     """Initialise a process of the pool: it uses the machine code of the sweeping process, leaves interrupts to it, and
     ends as soon as that process closes its end of the pipe `alive`, also by its death, after which the worker would
-    otherwise wait for ever."""
+    otherwise wait forever."""
 
     def watch() -> None:
         alive.poll(None)
@@ -192,8 +192,8 @@ class _Processes:
         return self.pool.submit(*call)
 
     def end_if_stuck(self) -> None:
-        """End the pool if a process has died and the pool does not report it: it waits for ever for the rest of a
-        result when the process has died in the middle of sending it."""
+        """End the pool if a process has died and the pool does not report it: it waits forever for the rest of a result
+        when the process has died in the middle of sending it."""
         if not all(process.is_alive() for process in self._workers()):
             self._end()
 
@@ -247,7 +247,9 @@ class _UserExecutor:
         try:
             self.executor.submit(int).result()
         except RuntimeError as error:
-            raise InputError(f"the executor is broken: {error}; what is stored stays, go on with another one") from None
+            raise InputError(
+                f"the executor is broken: {error}; stored members are safe, continue with another executor"
+            ) from None
 
 
 def _solved_by(

@@ -51,9 +51,9 @@ class Existence(Result, what="diagram", in_line=("along", "across", "values")):
     along, across : names of the two parameters
     values : of `across`, one for each row, ascending
     grid : the sweep of the members on the grid, `along` first
-    boundaries : the points between neighbours of different statuses
+    boundaries : the located points between neighbours of different statuses
     curves : the curves of events that were followed
-    stopped : why some boundaries in rows are not located, "" where all are
+    stopped : why some boundaries in rows are not located; "" if all are
     """
 
     along: str
@@ -88,7 +88,7 @@ class Existence(Result, what="diagram", in_line=("along", "across", "values")):
 
     @property
     def rests_on(self) -> str:
-        """What the diagram rests on, in words."""
+        """The assumptions and the work behind the diagram, in words."""
         members, found = len(self.grid), self.boundaries
         skipped = int(np.count_nonzero(self.grid["reason"] == NOT_SEARCHED))
         exact = int(np.count_nonzero(found.exact))
@@ -111,7 +111,7 @@ class Existence(Result, what="diagram", in_line=("along", "across", "values")):
         return float(places.min()), float(places.max())
 
     def row(self, row: int) -> list[Stretch]:
-        """A row, counted from 0, as intervals of one status each, ascending; neighbours on the grid that have the same
+        """A row, counted from 0, as intervals of one status each, ascending; neighbours on the grid with the same
         status are joined."""
         row = whole_number("row", row, "rows", least=0, most=len(self.statuses) - 1)
         found, (low, high) = self.boundaries, self.between
@@ -132,12 +132,12 @@ class Existence(Result, what="diagram", in_line=("along", "across", "values")):
         return [(low, high, status == WITH_ORBIT[0]) for low, high, status in self.row(row) if status in WITH_ORBIT]
 
     def motions(self, row: int) -> list[tuple[float, float]]:
-        """The intervals on which a row has an orbit that is a motion, ascending and apart."""
+        """The disjoint intervals on which a row has an orbit that is a motion, ascending."""
         return [(low, high) for low, high, motion in self.stretches(row) if motion]
 
     def unknown(self, row: int) -> bool:
-        """Whether a row may be incomplete as one of its members has failed, or is not reached from the start: where
-        the orbits end at a fold on the way, a member may have others; or as its boundaries are not located."""
+        """Whether a row may be incomplete: a member failed or is not reached from the start (after a fold on the way,
+        it may have other orbits), or its boundaries are not located."""
         loose = (self._loose & (self.boundaries.nodes[:, 1] == row)).any()
         return bool(loose) or any(status in ("failed", AT_FOLD, NOT_REACHED) for _, _, status in self.row(row))
 
@@ -211,22 +211,21 @@ def existence(
     """Where the orbits of a family exist in two parameters, and where they are motions.
 
     machine : as in `find`, with `with_values`; its values of the two parameters are not used
-    along, between : the parameter of the rows, and their ends, (low, high) or (low, high, "log")
-    across, values : the parameter that differs from row to row, and a list of its values, or a range as `between`
+    along, between : the parameter along the rows, and their ends, (low, high) or (low, high, "log")
+    across, values : the parameter that differs from row to row, and a list of its values, or a range like `between`
     family : number of the family, from 1
     samples : the number of values of a range, or a pair of numbers, along and across
-    both_ways : locate the boundaries between the rows too, for boundaries that are nearly parallel to them
-    quantities, start : as in `sweep`; with a start the machine's own values of the two parameters are those of its
-        orbit
+    both_ways : whether to locate boundaries between the rows too, which helps if they are nearly parallel to the rows
+    quantities, start : as in `sweep`; with a start, the machine must have the parameter values of that orbit
     executor, workers, client, store : as in `sweep`, for the grid
     progress : called with a `SweepProgress`; True prints a line, and None does so on a terminal
 
-    The orbit of a machine is the one of least launch speed, or the one that is continued from the start. The boundaries
-    are located to 1e-6 of a parameter's range wherever neighbours on the grid have different statuses; what lies
-    between two neighbours of the same status is not detected. Where orbits become too sensitive to be computed before
-    they end, the boundary lies where they are lost, which rounding decides. Where a `time_limit` is reached once the
-    grid is searched, boundaries that are not located yet are midpoints between members, as `rests_on` states; before,
-    `NoOrbit` is raised. Raises `InputError` for invalid arguments.
+    The orbit of a machine is the one of least launch speed, or the one continued from the start. Boundaries are located
+    to 1e-6 of a parameter's range wherever neighbours on the grid have different statuses; nothing is detected between
+    neighbours of the same status. If orbits become too sensitive to be computed before they end, the boundary lies
+    where they are lost, which rounding decides. If a `time_limit` is reached after the search of the grid, boundaries
+    that are not yet located are midpoints between members, and `rests_on` says so; before that, `NoOrbit` is raised.
+    Raises `InputError` for invalid arguments.
 
     >>> from orbits import existence
     >>> from problems import Hopper
@@ -237,10 +236,12 @@ def existence(
     family_number(family)
     along, across = list_of_names("along, across", (along, across))
     if along == across:
-        raise InputError(f"a diagram in '{along}' needs another parameter besides")
+        raise InputError(f"a diagram in '{along}' needs a second parameter")
     row, column = axis_of(along, between), axis_of(across, values)
     if row.values or row.distribution is not None or column.distribution is not None:
-        raise InputError(f"between = {between!r} is a range, (low, high); values = {values!r} a list or a range")
+        raise InputError(
+            f"between = {between!r} must be a range, (low, high), and values = {values!r} a list or a range"
+        )
     if column.values:
         listed = sorted(set(column.values))
         column = replace(column, values=tuple(listed), low=listed[0], high=listed[-1])
@@ -248,7 +249,7 @@ def existence(
     counts = tuple(whole_number("samples", each, "values", most=MOST_MEMBERS) for each in stated)
     if len(counts) != 2 or counts[0] == 1 or (counts[1] == 1 and not column.values):
         raise InputError(
-            f"samples = {samples!r}: a range has at least two values; for one row give a list of one value"
+            f"samples = {samples!r}: a range needs at least two values; for one row give a list of one value"
         )
     over, shape = {along: between, across: list(column.values) or values}, (counts[0], len(column.values) or counts[1])
     first = None if start is None else find(machine, start=start)

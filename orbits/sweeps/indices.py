@@ -79,9 +79,9 @@ def sobol_indices(
 ) -> Indices:
     """The indices of `Sweep.sensitivity`; `solve`, (table of parameters, quantities) -> the sweep of these members."""
     if question is None or not question.members.axes or question.outcome != "find" or len(question.families) > 1:
-        raise InputError("Sobol's indices are of a sweep of one family over ranges or distributions, with its machine")
+        raise InputError("Sobol's indices need a sweep of one family over ranges or distributions, with its machine")
     if (samples := whole_number("samples", samples, "samples", least=2)) & (samples - 1):
-        raise InputError(f"samples = {samples}; Sobol's indices take a power of 2")
+        raise InputError(f"samples = {samples}; for Sobol's indices it must be a power of 2")
     own, names, axes = ("alpha", "flight_time"), question.members.names, question.members.axes
     texts, count = (
         [*own, *question.quantities]
@@ -100,7 +100,7 @@ def sobol_indices(
         values = more[text].reshape(count + 2, samples)
         if missing := int(np.isnan(values).sum()):
             raise InputError(
-                f"'{text}': {missing} of {values.size} members have none, and Sobol's indices need them all: "
+                f"'{text}': {missing} of {values.size} members have none, but Sobol's indices need all: "
                 "narrow the ranges to where the machine hops"
             )
         found[text] = _indices(names, values, np.random.default_rng(seed))

@@ -33,7 +33,7 @@ def failed_table(question: Question, members: np.ndarray, reason: str) -> Table:
 
 
 def _unanswered(question: Question, members: np.ndarray, values: np.ndarray) -> Table:
-    """A table of some members with nothing but their parameters."""
+    """A table of some members with only their parameters."""
     table = empty_table(len(members), question.columns())
     table.members[:] = members
     for name, column in zip(question.members.names, values.T, strict=True):

@@ -15,10 +15,10 @@ PAUSE = 0.2
 class SweepProgress(NamedTuple):
     """The progress of a sweep.
 
-    done, whole : number of members that are done, and of all members
+    done, whole : number of finished members, and of all members
     statuses : number of members of each status
     seconds, left : time in seconds since the sweep began, and an estimate of the remaining time
-    before : number of members that were done before it began
+    before : number of members that were finished before it began
     """
 
     done: int
@@ -67,7 +67,7 @@ def pace(done: int, whole: int, seconds: float) -> str:
     if not done:
         return f"none of {whole} members was done"
     left = _duration((whole - done) * seconds / done)
-    return f"{done} of {whole} members were done in {_duration(seconds)}, and the others would take about {left}"
+    return f"{done} of {whole} members were done in {_duration(seconds)}; the others would take about {left}"
 
 
 def _duration(seconds: float) -> str:

@@ -162,25 +162,25 @@ def question_of(
     """The question of `sweep`; raises `InputError` that names the invalid argument."""
     families = tuple(family) if isinstance(family, list | tuple | range) else (family,)
     if not families or len({*map(str, families)}) < len(families):
-        raise InputError(f"family = {family!r}; it is a number, or a list of different ones")
+        raise InputError(f"family = {family!r}; it must be a number, or a list of different numbers")
     families = tuple(map(family_number, families))
     quantities = list_of_names("quantities", quantities)
     if start is not None and (outcome != "find" or families != (1,)):
-        raise InputError("start is an orbit from which others are continued, of its own family: leave out the other")
+        raise InputError("start already determines the family and outcome: leave these out")
     tuning = _tuning(machine, members, outcome, tune, at)
     if method is not None:
         method_of(machine.model, method)
         if outcome != "find" or start is not None or tuning:
-            raise InputError(f"method = '{method}' finds orbits by their family: leave out the start and what is tuned")
-    if outcome == "find" and not machine.model.sticks:  # runs are guessed beside vertical hops
+            raise InputError(f"method = '{method}' finds orbits by their family: leave out start, tune and at")
+    if outcome == "find" and not machine.model.sticks:  # runs are guessed near vertical hops
         check_start(machine, start)
     if outcome != "find" and (quantities or families != (1,)):
         raise InputError(f"outcome = {outcome!r} has no families and no quantities: leave them out")
     if outcome != "find" and not machine.model.one_speed:
         remedy = "sweep its orbits from start=, or call ReturnMap(machine) with launches"
-        raise InputError(f"outcome = {outcome!r}: a launch of a {machine.model.name} is more than a speed; {remedy}")
+        raise InputError(f"outcome = {outcome!r}: a launch of a {machine.model.name} has several numbers; {remedy}")
     if (outcome == "map") != (LAUNCH_SPEED in members.names):
-        raise InputError(f"'{LAUNCH_SPEED}', a launch speed, is swept over with outcome = 'map', and only then")
+        raise InputError(f"'{LAUNCH_SPEED}' is a launch speed: sweep over it with outcome = 'map', and only then")
     if (outcome == "fixed_points") != (between is not None):
         raise InputError("between = (low, high), two launch speeds, belongs to outcome = 'fixed_points'")
     further = columns_of_tuned(machine.model, tuning.names) if tuning else ()
@@ -190,9 +190,9 @@ def question_of(
     names, own = (*members.names, *quantities), (*numbers, "status", "reason", "index", "member")
     for i, name in enumerate(names):
         if name in own:
-            raise InputError(f"'{name}' is a column of every answer: leave it out of the quantities and parameters")
+            raise InputError(f"every result has a column '{name}': leave it out of the quantities and parameters")
         if name in names[:i]:
-            raise InputError(f"'{name}' is twice among the quantities: leave one of them out")
+            raise InputError(f"'{name}' appears twice in quantities: leave one out")
     speeds = None if between is None else range_of("between", between)
     unknowns = None
     if start is not None and tuning:
@@ -210,7 +210,7 @@ def _tuning(machine: Machine, members: Members, outcome: str, tune: Any, at: Any
     if tune is None and at is None and not (machine.model.sticks and outcome == "find"):
         return None
     if outcome != "find":
-        raise InputError(f"tune and at are those of orbits: leave them out for outcome = {outcome!r}")
+        raise InputError(f"tune and at apply to orbits: leave them out for outcome = {outcome!r}")
     return tuning_of_designs(machine, tune, at, members.names)
 
 

@@ -37,7 +37,7 @@ def refuse_other_equations(about: Mapping[str, Any], machine: Machine) -> None:
     """Raise `ValueError` where a question in words is of a machine with other equations, as far as they compare."""
     known, own = about.get(EQUATIONS), digest_of_equations(machine)
     if known != own and str(known).startswith(f"{version('casadi')} "):
-        raise ValueError("it is of a machine with other equations, as of another table with the same name")
+        raise ValueError("its machine has other equations, for example from another table of the same name")
 
 
 @cached

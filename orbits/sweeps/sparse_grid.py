@@ -1,4 +1,4 @@
-"""A grid of members of which those far inside a region without orbits are not searched."""
+"""A grid of members, where members far inside a region without orbits are not searched."""
 
 from collections import Counter
 from collections.abc import Callable
@@ -16,7 +16,7 @@ from .sweep_result import Sweep
 STRIDE = 4
 # In a smaller grid all members are searched.
 LARGE_GRID = 1000
-NO_ORBIT, NOT_SEARCHED = "no orbit", "not searched: the members around it that were searched have no orbits either"
+NO_ORBIT, NOT_SEARCHED = "no orbit", "not searched: the searched members around it have no orbits either"
 
 
 class SparseGrid:
@@ -51,7 +51,7 @@ class SparseGrid:
         return found & ~searched
 
     def _cell(self, i: int, j: int) -> tuple[slice, slice]:
-        """The members of a cell of those that are searched first."""
+        """The members of a cell of the members that are searched first."""
         (a, b), (c, d) = (each[[k, k + 1]].tolist() for each, k in zip(self.corners, (i, j), strict=True))
         return slice(a, b + 1), slice(c, d + 1)
 

@@ -33,11 +33,11 @@ class Store:
 
     def __init__(self, path: str | Path, question: Question, resume: bool = True):
         """Open the store of a question; without `resume` an existing file is refused. Raises `InputError` for a file
-        that is no store, that is spoilt, or that holds the results of another question."""
+        that is not a store, that is damaged, or that holds the results of another question."""
         self.path, self.question = named_file(path), question
         known = os.path.exists(path) and not _has_no_table(self.path)
         if known and not resume:
-            raise InputError(f"the store {path} exists: go on with it by resuming, or name another file")
+            raise InputError(f"the store {path} exists: resume it, or name another file")
         if known:
             self._check_question()
         check_path(path, ())
@@ -120,7 +120,7 @@ class Store:
         document = question_in(self.path)
         if document != json.loads(to_json(self.question.document())):
             other = _other_question(document, self.question)
-            raise InputError(f"the store {self.path} answers another question: {other}")
+            raise InputError(f"the store {self.path} belongs to another sweep: {other}")
 
     @contextmanager
     def _using(self, what: str) -> Iterator[None]:
@@ -129,7 +129,7 @@ class Store:
         try:
             yield
         except sqlite3.Error as error:
-            safe = "all members that it had stay in it; go on with it once that is mended"
+            safe = "it keeps all its members; resume it once this is mended"
             raise InputError(f"the store {self.path} cannot be {what}: {error}; {safe}") from None
 
 
@@ -145,8 +145,8 @@ def _has_no_table(path: Path) -> bool:
 
 
 def question_in(path: str | Path) -> dict[str, Any]:
-    """The question's document in a store; raises `InputError` for a file that is no store, or is spoilt."""
-    complaint = f"{path} is no store of a sweep"
+    """The question's document in a store; raises `InputError` for a file that is not a store, or is damaged."""
+    complaint = f"{path} is not a store of a sweep"
     if not os.path.isfile(path):
         raise InputError(f"{complaint}: " + ("it is a folder" if os.path.isdir(path) else "there is no such file"))
     try:
@@ -157,12 +157,12 @@ def question_in(path: str | Path) -> dict[str, Any]:
                 kind, text = connection.execute("SELECT format, document FROM question").fetchone()
                 document = unsealed(parse_json(text))
                 if DIGEST_OF_ROW not in [row[1] for row in connection.execute("PRAGMA table_info(members)")]:
-                    raise ValueError("it was changed after it was written: go on with a copy from before")
+                    raise ValueError("it was changed after it was written: restore an earlier copy")
     except (sqlite3.Error, TypeError, ValueError) as error:
         raise InputError(f"{complaint}: {error}") from None
     if check != "ok":
         found = check.splitlines()[-1]
-        raise InputError(f"the store {path} is spoilt ({found}): go on with a copy from before, or begin another one")
+        raise InputError(f"the store {path} is damaged ({found}): restore an earlier copy, or begin another one")
     if kind != STORE_FORMAT:
         raise InputError(f"the store {path} has the format {kind!r}; this version reads {STORE_FORMAT!r}")
     conform(document, SavedQuestion, f"{complaint}: its question")
@@ -197,7 +197,7 @@ def _read(connection: sqlite3.Connection, columns: Mapping[str, type]) -> Table:
     rows, first = connection.execute(f"SELECT {selected} FROM members ORDER BY member LIMIT {count}"), 0
     while part := rows.fetchmany(READ_AT_ONCE):
         if spoilt := [row[0] for row in part if not _is_unspoilt(row)]:
-            remedy = "go on with the sweep on this store, and what is spoilt is computed again"
+            remedy = "resume the sweep with this store, which computes damaged members again"
             raise InputError(f"the store's member {spoilt[0]} was changed after it was written: {remedy}")
         members, *values = zip(*part, strict=True)
         last = first + len(part)
@@ -210,9 +210,7 @@ def _read(connection: sqlite3.Connection, columns: Mapping[str, type]) -> Table:
                 column[first:last] = np.array(entries, dtype=float)  # None is NaN
         first = last
     if first < count:
-        raise InputError(
-            f"the store has {count} members, and {first} of them can be read: go on with a copy from before"
-        )
+        raise InputError(f"the store has {count} members, but only {first} can be read: restore an earlier copy")
     return table
 
 
@@ -228,7 +226,7 @@ def _check_tables(connection: sqlite3.Connection) -> None:
     plain = {name for name, statement in found if str(statement).startswith(f"CREATE TABLE {name} (")}
     if plain != {"question", "members"} or len(found) > len(plain):
         names = ", ".join(sorted(str(name) for name, _ in found))
-        raise ValueError(f"a store has the tables members and question alone, and this one has {names}")
+        raise ValueError(f"a store must have only the tables members and question, but this one has {names}")
 
 
 def _digest_of_row(row: Sequence[object]) -> str:
@@ -263,9 +261,9 @@ def _other_question(document: Mapping[str, object], question: Question) -> str:
         if name is None:
             return "it has further parts"
         if name == EQUATIONS:
-            return "its machine has other equations, as of another table or function with the same name"
+            return "its machine has other equations, for example from another table or function of the same name"
         had, wanted, place = had.get(name), wanted.get(name), f"{place} {name}"
-    return f"{place} is {_short(had)}, here it is {_short(wanted)}"
+    return f"{place} is {_short(had)} there, but {_short(wanted)} here"
 
 
 def _short(value: object) -> str:

@@ -51,40 +51,41 @@ def sweep(
     """The orbits of many machines that differ in some parameters.
 
     machine : as in `find`, with `with_values`
-    over : names of parameters, mapped to a range (low, high) or (low, high, "log"), a list of values, or a frozen
-        distribution of `scipy.stats`; with a table of samples the names of its columns, None for all
-    samples : the number of members, 1000 by default; with "grid" the number of values of each range, 10 by default, or
-        a tuple of one number for each parameter; or a table with a column for each parameter: a DataFrame, a mapping
-        of arrays or the name of a CSV file
-    sampling : "grid", "sobol", "lhs" (Latin hypercube) or "random"; None is a grid for lists and for a tuple of
+    over : a mapping from names of parameters to a range (low, high) or (low, high, "log"), a list of values, or a
+        frozen distribution of `scipy.stats`; with a table of samples, the names of its columns, None for all
+    samples : the number of members, 1000 by default; with "grid", the number of values of each range, 10 by default, or
+        a tuple of one number for each parameter; or a table with a column for each parameter: a DataFrame, a mapping of
+        arrays or the name of a CSV file
+    sampling : "grid", "sobol", "lhs" (Latin hypercube) or "random"; None means a grid for lists and for a tuple of
         samples, else "sobol"
     seed : of the sampling
-    family : number of the family, or several numbers; each design then has a member for each of them
+    family : number of the family, or several numbers; each design then has one member for each of them
     quantities : further columns: a name or a list of names as in `orbits.quantities`, or formulas of them and of the
         parameters
     outcome : "find" for the orbits; "map" for the next launch speeds, with a launch speed "alpha" among the parameters;
-        "fixed_points" for those of the return map `between` two launch speeds
+        "fixed_points" for the fixed points of the return map `between` two launch speeds
     between : (low, high), launch speeds, for "fixed_points"
-    start : as in `find`, for the orbit of the machine itself, from which those of the members are continued, whatever
-        their families; machines whose launch has several unknowns need it
-    method : as in `find`, which then finds the members one by one; None for the simplest, which finds them together
+    start : as in `find`, for the orbit of the machine itself; the orbits of the members are continued from it, whatever
+        their families. Machines whose launch has several unknowns need it
+    method : as in `find`, which then finds the members one by one; None for the simplest method, which finds them
+        together
     tune, at : as in `find`, for quantities other than extremes of the motion; the orbits of the members are continued
-        from that of the machine itself. Further columns are the tuned values, bounds on their errors as "k_error",
-        "admissible" as 1 or 0, and of runs step, speeds and friction
+        from that of the machine itself. Additional columns are the tuned values, bounds on their errors such as
+        "k_error", "admissible" as 1 or 0, and for runs step, speeds and friction
     executor : None for this process, "processes" for `workers` processes (None: one for each core), or an executor of
         `concurrent.futures`
     client : of a Dask cluster, instead of an executor
-    store : an SQLite file to which every chunk of members is written as soon as it is done; a sweep with the same store
-        continues where it ended or, without `resume`, is refused
+    store : an SQLite file to which every chunk of members is written as soon as it is finished; with `resume`, the same
+        sweep with this store continues where it ended, without `resume` it is refused
     progress : called with a `SweepProgress` after every chunk, and every second within one; True prints a line, and
         None does so on a terminal
 
-    From a start the parameters go to those of each member on a straight way, or else one after the other. The status
-    says where that fails: "ends" where the orbits end at a fold on the way, and "not reached" where the way was too
-    hard for Newton's method. Neither says that the member has no orbit.
+    From a start, the parameters go to those of each member along a straight line, or else one after the other. If that
+    fails, the status says how: "ends" if the orbits end at a fold on the way, "not reached" if Newton's method failed
+    on the way. Neither means that the member has no orbit.
 
-    The result of a member depends neither on the other members nor on where it is computed, to the last bit. Raises
-    `InputError`, which names the invalid argument, before anything is computed.
+    To the last bit, the result of a member depends neither on the other members nor on where it is computed. Raises
+    `InputError` for an invalid argument, before anything is computed.
 
     >>> from orbits import sweep
     >>> from problems import Hopper
@@ -97,7 +98,7 @@ def sweep(
     )
     if client is not None:
         if executor is not None or not hasattr(client, "get_executor"):
-            raise InputError(f"client = {client!r}; it is one of Dask, in place of an executor")
+            raise InputError(f"client = {client!r}; it must be a client of Dask, given instead of an executor")
         executor = client.get_executor()
     check_executor(executor, workers)
     resume = true_or_false("resume", resume)
@@ -144,7 +145,7 @@ def _check_domain(machine: Machine, members: Members) -> None:
     for i, row in enumerate(values):
         interrupts.heed()
         if error := refusal(row):
-            raise InputError(f"member {i} of the sweep cannot be: {error}")
+            raise InputError(f"member {i} of the sweep is impossible: {error}")
 
 
 def _computed(
@@ -189,9 +190,9 @@ def _computed(
         now, seconds = int(done.sum()) - before, time.perf_counter() - began
         cause = f"{stop}; {pace(now, count - before, seconds)}; " if isinstance(stop, TimeOver) else ""
         if store is None:
-            raise type(stop)(f"{cause}nothing is kept: name a store to keep what is done") from None
+            raise type(stop)(f"{cause}nothing is kept: name a store to keep finished members") from None
         stored, way = f"{int(done.sum())} of {count} members are in {store.path}", "in the command with --resume"
-        raise type(stop)(f"{cause}{stored}: the same sweep with this store goes on from there, {way}") from None
+        raise type(stop)(f"{cause}{stored}: call the same sweep with this store to continue, {way}") from None
     finally:
         if store is not None:
             store.close()

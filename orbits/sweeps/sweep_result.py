@@ -22,7 +22,7 @@ from .same_equations import refuse_other_equations
 if TYPE_CHECKING:
     from .indices import Indices
 
-TEXTS = ("status", "reason")  # columns that are no numbers
+TEXTS = ("status", "reason")  # columns that are not numbers
 # Shares of the members below the quantiles of a summary.
 QUANTILES = (0.05, 0.25, 0.5, 0.75, 0.95)
 
@@ -32,11 +32,11 @@ class Sweep(Result, what="sweep", document_is_whole=True):
     """The members of a sweep and their results; a column is accessed by its name, `sweep["alpha"]`.
 
     parameters : names of the parameters that differ
-    index : the available members (k,) of `count` in all; fewer where a store is read before its sweep has ended
-    columns : (k,) by name: the parameters, the requested results, the status and the reason; NaN where there is none
+    index : the available members (k,) out of `count`; fewer if a store is read before its sweep has ended
+    columns : (k,) by name: the parameters, the requested results, the status and the reason; NaN for a missing number
     about : the question in words and numbers
-    source : the machine whose parameters the members replace; None where a file is read without it
-    question : the question of the sweep; None where a file is read without its machine
+    source : the machine whose parameters the members replace; None for a file that is read without it
+    question : the question of the sweep; None for a file that is read without its machine
     again : (question, table of parameters, quantities, **options) -> the sweep of these members; set by
         the module `sweep`, which imports this one
     """
@@ -57,12 +57,11 @@ class Sweep(Result, what="sweep", document_is_whole=True):
 
     @classmethod
     def load(cls, path: str | Path, machine: Machine | None = None) -> "Sweep":
-        """The members that `save` wrote to .json, or the members in a store, also while a sweep is running.
+        """The members in a .json file that `save` wrote, or in a store, even while a sweep is running.
 
-        machine : the machine of the sweep, with which `orbit` finds members and `sensitivity` solves further ones; it
-            is not in the store
+        machine : the machine of the sweep, which the store does not hold; `orbit` and `sensitivity` need it
 
-        Raises `InputError` when the file is not a store, was changed, or is of another machine.
+        Raises `InputError` when the file is not a store, was changed, or belongs to another machine.
         """
         if (path := named_file(path)).suffix.lower() == ".json":
             return super().load(path, machine)
@@ -142,7 +141,7 @@ class Sweep(Result, what="sweep", document_is_whole=True):
         return dict(sorted(Counter(self.columns["status"].tolist()).items()))
 
     def quantiles(self) -> dict[str, dict[str, float]]:
-        """The quantiles by share, as "5%", of the numbers of the members that have any, by name."""
+        """The quantiles of each column of numbers, by share such as "5%", over the members that have a number."""
         quantiles: dict[str, dict[str, float]] = {}
         for name in self.numbers:
             known = self.columns[name][np.isfinite(self.columns[name])]
@@ -152,7 +151,7 @@ class Sweep(Result, what="sweep", document_is_whole=True):
         return quantiles
 
     def summary(self) -> dict[str, Any]:
-        """The number of members of each status, and the quantiles of their numbers, as "alpha 5%"."""
+        """The number of members of each status, and the quantiles of their numbers, such as "alpha 5%"."""
         return {"count": self.count, "done": len(self), **self.statuses(), **super().summary()}
 
     def _line(self) -> dict[str, object]:
@@ -174,7 +173,7 @@ class Sweep(Result, what="sweep", document_is_whole=True):
             yield Row(self.heading(name), values, ("{:.1e}" if name == "error" else "{:.6g}",) * len(values))
 
     def table(self) -> dict[str, np.ndarray]:
-        """The columns, after the places of the "member"s."""
+        """The columns, after the index "member"."""
         return {"member": self.index, **self.columns}
 
     def members(self) -> Iterator[dict[str, Any]]:
@@ -209,12 +208,14 @@ class Sweep(Result, what="sweep", document_is_whole=True):
     def orbit(self, member: int) -> Orbit:
         """A member as a whole orbit, with its motion."""
         if self.source is None:
-            raise InputError("a file does not hold its machine; name it: Sweep.load(path, machine=...)")
+            raise InputError("a file does not hold its machine; pass it: Sweep.load(path, machine=...)")
         if self.about["outcome"] != "find":
-            raise InputError(f"the members of this sweep are no orbits, but answer '{self.about['outcome']}'")
+            raise InputError(
+                f"the members of this sweep are not orbits, but results of outcome = '{self.about['outcome']}'"
+            )
         place = np.flatnonzero(self.index == whole_number("member", member, least=0))
         if not len(place):
-            raise InputError(f"the sweep has no member {member}; it has {len(self)}, from 0")
+            raise InputError(f"the sweep has no member {member}; it has {len(self)}, counted from 0")
         values = {name: float(self.columns[name][place[0]]) for name in self.parameters}
         families, machine = self.about["families"], self.source.with_values(**values)
         if (tuned := self.about.get("tune")) is not None:
@@ -229,7 +230,7 @@ class Sweep(Result, what="sweep", document_is_whole=True):
 
     @property
     def dataset(self) -> Any:
-        """The sweep as an `xarray.Dataset`: with the parameters as coordinates for a grid, else along "member"."""
+        """The sweep as an `xarray.Dataset`, with the parameters of a grid as coordinates, else along "member"."""
         xarray = extra_package("xarray", "for a dataset")
         shape, families = self.about["shape"], self.about["families"]
         complete = len(self) == self.count
@@ -257,8 +258,8 @@ class Sweep(Result, what="sweep", document_is_whole=True):
     def plot(self, quantity: str | None = None, axes: Axes | None = None) -> Axes:
         """Plot a quantity, the first one if None, over the parameters; returns the axes.
 
-        Over one parameter it is a line. Over two it is a map, in which a grid is hatched and samples are circled where
-        there is no motion. Over more it is a matrix of scatter plots in a figure of its own; `axes` are refused.
+        Over one parameter it is a line. Over two it is a map: where there is no motion, a grid is hatched and samples
+        are circled. Over more it is a matrix of scatter plots in a figure of its own, without `axes`.
         """
         return shown("sweep_figures").plot_sweep(self, quantity or self.numbers[0], axes)
 
@@ -269,18 +270,18 @@ class Sweep(Result, what="sweep", document_is_whole=True):
         """Write a page of a quantity, the first one if None, over the parameters, in one file (.html) that needs no
         network; returns its path.
 
-        Raises `InputError` for a bad path, a quantity that is no number, and without Bokeh.
+        Raises `InputError` for a bad path, a quantity that is not a number, and without Bokeh.
         """
         return shown("pages.saved_page").sweep_page(self, path, quantity)
 
     def sensitivity(
         self, quantities: str | Sequence[str] | None = None, samples: int = 1024, seed: int = 0, **options: object
     ) -> "Indices":
-        """Sobol's indices of the quantities: the shares of their variance that are due to each parameter, for
-        parameters that vary independently over the ranges or distributions of the sweep.
+        """Sobol's indices of the quantities: the share of their variance that is due to each parameter, if the
+        parameters vary independently over the ranges or distributions of the sweep.
 
         quantities : numerical results of the sweep, one or a list; None for all
-        samples : a power of 2; the sweep for the indices has `samples` times (the number of parameters plus 2) members
+        samples : a power of 2; the sweep for the indices has `samples` * (number of parameters + 2) members
         seed : of the sampling
         options : `executor`, `workers`, `client`, `progress` of that sweep
 
@@ -290,7 +291,7 @@ class Sweep(Result, what="sweep", document_is_whole=True):
         from .indices import sobol_indices
 
         if self.question is None:
-            raise InputError("Sobol's indices take a sweep with its machine: Sweep.load(store, machine=...)")
+            raise InputError("Sobol's indices need the machine of the sweep: Sweep.load(store, machine=...)")
         return sobol_indices(
             self.question,
             quantities if quantities is None else list_of_names("quantities", quantities),
@@ -316,7 +317,9 @@ class _SavedSweep(TypedDict):
 def _columns_of_members(about: Mapping[str, Any]) -> dict[str, type]:
     """The columns of the members of a question in words, with their types; raises `ValueError` for an unknown one."""
     if about["outcome"] not in COLUMNS_OF:
-        raise ValueError(f"its outcome {about['outcome']!r} is none: it was changed, or is of a later version")
+        raise ValueError(
+            f"its outcome {about['outcome']!r} is unknown: the file was changed, or a later version wrote it"
+        )
     numbers = dict.fromkeys(about["parameters"], float) | COLUMNS_OF[about["outcome"]]
     numbers |= dict.fromkeys(about.get("tuned_columns", ()), float)
     return numbers | dict.fromkeys(about["quantities"], float) | dict.fromkeys(TEXTS, str)

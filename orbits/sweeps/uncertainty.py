@@ -20,11 +20,12 @@ from .sweep_result import QUANTILES, Sweep
 class Uncertainty(Result, what="uncertainty", in_line=("share", "mean"), printed_digits=6):
     """The spread of the quantities of a machine's orbit due to its uncertain parameters.
 
-    mean, deviation, quantiles : by quantity, over the members whose orbit is a motion; the quantiles by share, as "5%"
+    mean, deviation, quantiles : by quantity, over the members whose orbit is a motion; the quantiles by share, such as
+        "5%"
     linear : the standard deviation by quantity to first order, from exact sensitivities
     share : of the members whose orbit is a motion
     sweep : the members
-    violations : of the machine's own orbit, at which the linear deviation is taken: empty where it is a motion
+    violations : of the machine's own orbit, at which the linear deviation is taken; empty if it is a motion
     """
 
     mean: Mapping[str, float]
@@ -58,19 +59,20 @@ def uncertainty(
     machine: Machine, over: Any, quantities: str | Sequence[str] = (), *, family: int = 1,
     start: StartLike | None = None, samples: int = 1024, seed: int = 0, **options: Any,
 ) -> Uncertainty:  # fmt: skip
-    """The spread of the quantities of an orbit when parameters are known only by their distributions.
+    """The spread of the quantities of an orbit when only the distributions of some parameters are known.
 
     machine : as in `sweep`
     over : frozen distributions of `scipy.stats` (or ranges) by name, of parameters that vary independently; correlated
-        parameters have a tuple of names and a frozen `multivariate_normal`. Or a result with such `distributions()`, as
-        that of `springs.fit`
-    quantities : besides alpha and flight_time, as in `sweep`
+        parameters need a tuple of names and a frozen `multivariate_normal`. Or a result with such `distributions()`,
+        for example of `springs.fit`
+    quantities : in addition to alpha and flight_time, as in `sweep`
     family, start, seed : as in `sweep`
     samples : number of members, sampled by Sobol's sequence
     options : `executor`, `workers`, `client`, `store`, `progress` of `sweep`
 
-    The linear deviation is taken at the machine itself, with the standard deviations of the distributions; where its
-    own orbit is inadmissible the first line says so. Raises `NoOrbit` where the machine itself has no such orbit.
+    The linear deviation is taken at the machine itself, with the standard deviations of the distributions; if the
+    machine's own orbit is inadmissible, the first line says so. Raises `NoOrbit` if the machine itself has no such
+    orbit.
 
     >>> from scipy.stats import norm
     >>> from orbits import uncertainty
@@ -97,8 +99,8 @@ def uncertainty(
     columns = {text: result[text][motions & np.isfinite(result[text])] for text in texts}
     if empty := [text for text, values in columns.items() if len(values) < 2]:
         why = f"the machine's own orbit is inadmissible: {', '.join(orbit.violations)}" if orbit.violations else ""
-        why = why or "the distributions reach where there is no hop"
-        raise InputError(f"fewer than two of the members have '{empty[0]}' and are motions: {why}")
+        why = why or "the distributions reach machines without a hop"
+        raise InputError(f"fewer than two members are motions with '{empty[0]}': {why}")
     quantiles = {
         text: {f"{share:.0%}": float(np.quantile(values, share)) for share in QUANTILES}
         for text, values in columns.items()
@@ -124,7 +126,7 @@ def _uncertain(over: Any, samples: int, seed: int, machine: Machine) -> _Uncerta
     groups = {key: each for key, each in over.items() if isinstance(key, tuple)} if isinstance(over, Mapping) else {}
     for key, each in groups.items():
         if not hasattr(each, "cov") or np.shape(each.mean) != (len(key),):
-            raise InputError(f"over {key}: correlated parameters have a multivariate_normal of {len(key)} numbers")
+            raise InputError(f"over {key}: correlated parameters need a multivariate_normal of {len(key)} numbers")
     if groups:
         from scipy.stats import norm  # slow to import
 

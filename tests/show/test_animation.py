@@ -96,5 +96,5 @@ def test_an_animation_reports_its_frames_and_needs_ffmpeg_for_mp4(tmp_path, monk
     run.animate(tmp_path / "hop.gif", 3, progress=shares.append)
     assert shares == pytest.approx([1 / 3, 2 / 3, 1.0])
     monkeypatch.setattr("matplotlib.animation.FFMpegWriter.isAvailable", lambda: False)
-    with pytest.raises(InputError, match="there is no ffmpeg"):
+    with pytest.raises(InputError, match=r"writing \.mp4 needs ffmpeg"):
         run.animate(tmp_path / "hop.mp4", 3)

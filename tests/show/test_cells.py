@@ -120,6 +120,6 @@ def test_what_cannot_be_drawn_does_not_break_the_cell(monkeypatch):
     assert seen.rows == [["a", "b"]]
     assert "no picture: <no> ink" in seen.words
     both = sweep(Hopper(), {"mass_ratio": [0.5, 1.0], "rest_length": [20.0, 30.0]}, family=[1, 2])
-    assert "a figure over two parameters or more is of one family" in both._repr_html_()
+    assert "a figure over two or more parameters shows one family" in both._repr_html_()
     nothing = sweep(Hopper(spring="0*r"), {"mass_ratio": [0.5, 1.0]})
     assert Cells(nothing._repr_html_()).words

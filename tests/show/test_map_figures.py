@@ -84,10 +84,10 @@ def test_the_figure_of_bifurcations():
     ("asked", "words"),
     [
         ({"low": "a"}, "low = 'a' is not a finite number"),
-        ({"low": 6.0}, "0 < low < high"),
+        ({"low": 6.0}, "0 < low < high must hold"),
         ({"samples": 1}, "samples = 1"),
         ({"hops": -2}, "hops = -2"),
-        ({"start": -1.0}, "launch speeds are above 0"),
+        ({"start": -1.0}, "launch speeds must be above 0"),
     ],
 )
 def test_figures_that_cannot_be_meant(asked, words):

@@ -136,8 +136,8 @@ def test_what_is_no_drawing_is_refused():
 
     with pytest.raises(InputError, match="'sin\\(theta_1\\)' has 'theta_1'"):
         stated(Drawing([Outline("rod", [(0.0, 0.0), ("sin(theta_1)", "steps + i")])]))
-    with pytest.raises(InputError, match="onward of 'z'; it has 'x' and 'y'"):
+    with pytest.raises(InputError, match="onward has 'z'; it may only have 'x' and 'y'"):
         stated(Drawing([], onward={"z": "x"}))
-    with pytest.raises(InputError, match="it is a Drawing of a list of Outlines"):
+    with pytest.raises(InputError, match="it must be a Drawing of a list of Outlines"):
         stated([])
     assert replace(rimless_wheel(angle=0.3), drawing=None).drawing is None

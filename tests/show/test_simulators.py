@@ -105,7 +105,7 @@ BLOCK = rocking_block(inertia_ratio=1.0, gravity_ratio=0.5, angle=0.3, share=0.5
 
 
 def test_bodies_have_the_weight_of_the_machine(tmp_path):
-    said = "Not in this model: the weight that differs from that of the bodies."
+    said = "Not in this model: the part of the weight that differs from that of the bodies."
     for extra, expected in (([], False), ([Weight("body", "0.5")], True)):
         folder = hopping(*extra).export(tmp_path / "hop")
         assert (said in (folder / "model.xml").read_text(encoding="utf-8")) == expected
@@ -116,9 +116,15 @@ def test_bodies_have_the_weight_of_the_machine(tmp_path):
 @pytest.mark.parametrize(
     ("run", "message"),
     [
-        (lambda: hopping(Inerter("body - foot", 0.2), bodies=UPRIGHT), "inertia 1 where it has 1.2, of body: state"),
-        (lambda: hopping(bodies=[replace(UPRIGHT[0], mass=7.0), UPRIGHT[1]]), "inertia 7 where it has 1, of body"),
-        (lambda: hopping(bodies=UPRIGHT[:1]), "inertia 0 where it has 1, of foot"),
+        (
+            lambda: hopping(Inerter("body - foot", 0.2), bodies=UPRIGHT),
+            "inertia of body is 1 in the bodies of the mechanism, but 1.2",
+        ),
+        (
+            lambda: hopping(bodies=[replace(UPRIGHT[0], mass=7.0), UPRIGHT[1]]),
+            "inertia of body is 7 in the bodies of the mechanism, but 1",
+        ),
+        (lambda: hopping(bodies=UPRIGHT[:1]), "inertia of foot is 0 in the bodies of the mechanism, but 1"),
         (lambda: find(replace(BLOCK, bodies=[replace(BLOCK.bodies[0], inertia=0.0), *BLOCK.bodies[1:]])), "of theta"),
     ],
 )
@@ -128,7 +134,7 @@ def test_bodies_have_the_inertia_of_the_machine(tmp_path, run, message):
 
 
 @pytest.mark.parametrize(
-    ("folder", "message"), [("none/hop", "there is no folder"), ("file", "it is a file, and not a folder")]
+    ("folder", "message"), [("none/hop", "there is no folder"), ("file", "it is a file, not a folder")]
 )
 def test_where_nothing_can_be_written(tmp_path, orbits, folder, message):
     (tmp_path / "file").touch()
@@ -151,7 +157,9 @@ def test_times_are_those_of_the_motion(t, tmp_path):
 
 
 def test_machines_without_bodies(tmp_path):
-    with pytest.raises(InputError, match=r"the knee hopper is no column .* give bodies="):
+    with pytest.raises(
+        InputError, match=r"the knee hopper is not a column .* give its bodies and their joints, bodies="
+    ):
         bodies_of(knee_hopper(), knee_hopper().values)
     saved = find(Hopper()).save(tmp_path / "hop.json")
     with pytest.raises(InputError, match="needs the orbit's machine"):

@@ -63,7 +63,7 @@ def test_legends_name_only_what_is_there():
     assert set(without["status"]) == {"no orbit"}
     assert names(without.plot()) == {"no orbits"}
     several = sweep(HOPPER, motions | {"mass_ratio": (0.5, 2.0), "rest_length": (8.0, 9.0)}, 2, seed=1)
-    with pytest.raises(InputError, match="over 3 parameters fills a figure of its own"):
+    with pytest.raises(InputError, match="over 3 parameters needs a figure of its own"):
         several.plot(axes=without.plot())
 
 

@@ -61,20 +61,20 @@ def test_tables_are_taken_from_mappings_frames_and_files(tmp_path):
         ({}, None, None, "over"),
         (None, None, None, "over"),
         ({"gamma": (0, 1)}, 5, None, "no parameter 'gamma'"),
-        ({"beta": (1.0, 1.0)}, 5, None, "low < high"),
-        ({"beta": (1.0, 0.5)}, 5, None, "low < high"),
+        ({"beta": (1.0, 1.0)}, 5, None, "low must be below high"),
+        ({"beta": (1.0, 0.5)}, 5, None, "low must be below high"),
         ({"beta": (0.0, 1.0, "log")}, 5, None, "above 0"),
-        ({"beta": (0.0, 1.0, "ln")}, 5, None, "it is a range"),
+        ({"beta": (0.0, 1.0, "ln")}, 5, None, "it must be a range"),
         ({"beta": (0.0, np.nan)}, 5, None, "nan"),
         ({"beta": []}, None, None, "no values"),
-        ({"beta": "0:1"}, 5, None, "it is a range"),
+        ({"beta": "0:1"}, 5, None, "it must be a range"),
         ({"beta": (0, 1)}, 0, None, "samples = 0"),
         ({"beta": (0, 1)}, 2.5, None, "samples = 2.5"),
         ({"beta": (0, 1)}, 5, "halton", "sampling = 'halton'"),
         ({"beta": (0, 1)}, (2, 3), "grid", "numbers of values"),
         ({"beta": (0, 1), "mass_ratio": (1, 2)}, 100_000, "grid", "more than"),
-        ({"beta": (0, 1)}, {"beta": [1.0]}, None, "over is then"),
-        (None, {"beta": [1.0]}, "sobol", "has them already"),
+        ({"beta": (0, 1)}, {"beta": [1.0]}, None, "over must then be"),
+        (None, {"beta": [1.0]}, "sobol", "has them already: leave it out"),
         (["beta", "mass_ratio"], {"beta": [1.0]}, None, "no column 'mass_ratio'"),
         (None, {"beta": [1.0, np.nan]}, None, "row 2 of column 'beta'"),
         (None, {"beta": ["1", "x"]}, None, "'x'"),
@@ -106,7 +106,7 @@ def test_a_table_that_is_none_is_refused(tmp_path, text, said):
 
 
 def test_a_table_that_is_not_there_is_refused(tmp_path):
-    with pytest.raises(InputError, match=r"no table of designs.*nothing\.csv"):
+    with pytest.raises(InputError, match=r"not a table of designs.*nothing\.csv"):
         members(None, tmp_path / "nothing.csv")
 
 
@@ -125,5 +125,5 @@ def test_arguments_of_a_distribution_that_no_store_states_are_refused(arguments)
      ("values", None), ("range", [1.0]), ("range", {"low": 1.0})],
 )  # fmt: skip
 def test_data_that_state_no_axis_are_refused(kind, stated):
-    with pytest.raises(InputError, match=r"states no|no distribution"):
+    with pytest.raises(InputError, match=r"states no|not a distribution"):
         Axis.of_stated(kind, stated)

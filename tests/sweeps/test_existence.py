@@ -46,7 +46,7 @@ def test_the_edges_are_folds_and_the_collapse(diagram):
     assert high == 0.01
     assert diagram.motions(1) == [(begin, 0.01)]
     assert [stretch.status for stretch in diagram.row(1)] == ["no orbit", "inadmissible", "certified"]
-    with pytest.raises(InputError, match="it is a number of rows, from 0 to"):
+    with pytest.raises(InputError, match="it must be a number of rows, from 0 to"):
         diagram.row(-1)
 
 
@@ -128,9 +128,9 @@ def test_rows_without_orbits_are_empty():
 
 def test_questions_that_cannot_be_meant():
     for text, question in {
-        "another parameter": ("beta", (-1, 1), "beta", [1.0]),
+        "a second parameter": ("beta", (-1, 1), "beta", [1.0]),
         "no parameter 'gamma'": ("beta", (-1, 1), "gamma", [0.0]),
-        "a range goes up": ("beta", (1, -1), "delta", [0.0]),
+        "low must be below high": ("beta", (1, -1), "delta", [0.0]),
         "is a range": ("beta", [1.0, 2.0], "delta", [0.0]),
         "has no values": ("beta", (-1, 1), "delta", []),
     }.items():
@@ -156,7 +156,7 @@ def test_the_edge_of_a_chain_is_the_fold_of_its_family():
     assert diagram.motions(0)[0][0] == pytest.approx(fold, abs=2e-7)
     assert diagram.orbit_edges[0][0] == diagram.motions(0)[0][0]
     assert {*CONTINUED_STATUSES} == STYLES.keys()
-    with pytest.raises(InputError, match="give start= an orbit of it"):
+    with pytest.raises(InputError, match="give an orbit of it"):
         existence(chain, "m1", (0.85, 1.0), "b", [0.01], samples=5)
 
 

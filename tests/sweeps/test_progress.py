@@ -72,5 +72,5 @@ def test_a_line_is_shown_on_terminals_and_in_notebooks(terminal, notebook, capsy
 
 @pytest.mark.parametrize("progress", [np.nan, 1, "bar"])
 def test_what_is_no_function_and_no_truth_value_is_refused(progress):
-    with pytest.raises(InputError, match=r"progress = .*; it is True or False"):
+    with pytest.raises(InputError, match=r"progress = .*; it must be True or False"):
         on_screen(progress)

@@ -14,30 +14,34 @@ from problems import Hopper, plate_hopper
         (({"beta": (0, 1)}, 5), {"family": 0}, "family = 0"),
         (({"beta": (0, 1)}, 5), {"family": [1, 1]}, "different"),
         (({"beta": (0, 1)}, 5), {"quantities": ["perod"]}, "unknown quantity 'perod'"),
-        (({"beta": (0, 1)}, 5), {"quantities": ["error/2"]}, "no quantity 'error' here: it says how accurately"),
+        (
+            ({"beta": (0, 1)}, 5),
+            {"quantities": ["error/2"]},
+            "no quantity 'error' here: it is the accuracy of an orbit",
+        ),
         (({"beta": (0, 1)}, 5), {"outcome": "hop"}, "outcome = 'hop'"),
         (({"beta": (0, 1)}, 5), {"outcome": "map"}, "a launch speed"),
         (({"beta": (0, 1)}, 5), {"outcome": "fixed_points"}, "between"),
         (({"beta": (0, 1)}, 5), {"between": (4, 5)}, "between"),
         (({"beta": (0, 1)}, 5), {"method": "newton"}, "method = 'newton'"),
-        (({"beta": (0, 1)}, 5), {"method": "closed form"}, "straight-line spring"),
-        (({"beta": (0, 1)}, 5), {"method": "shooting", "start": {"alpha": 3.0}}, "leave out the start"),
+        (({"beta": (0, 1)}, 5), {"method": "closed form"}, "a linear spring"),
+        (({"beta": (0, 1)}, 5), {"method": "shooting", "start": {"alpha": 3.0}}, "leave out"),
         *(
             (({"beta": (0, 1)}, 5), {"outcome": "fixed_points", "between": between}, said)
             for between, said in (
-                (4.0, r"between = 4.0; it is a pair \(low, high\)"),
-                ((), r"between = \(\); it is"),
+                (4.0, r"between = 4.0; it must be a pair \(low, high\)"),
+                ((), r"between = \(\); it"),
                 ("45", "between = '45'"),
-                ((4.0, 5.0, 6.0), "it is a pair"),
-                ((5.0, 4.0), r"between = \(5, 4\); a range goes up"),
-                ((4.0, 4.0), "low < high"),
+                ((4.0, 5.0, 6.0), "it must be a pair"),
+                ((5.0, 4.0), r"between = \(5, 4\); low must be below high"),
+                ((4.0, 4.0), "low must be below high"),
                 ((4.0, "b"), "between = 'b'"),
             )
         ),
         (({"beta": (0, 1)}, 5), {"outcome": "map", "quantities": ["period"]}, "no families and no quantities"),
         (({"alpha": (3, 4)}, 5), {"outcome": "map", "family": 2}, "no families and no quantities"),
         (({"alpha": (3, 4)}, 5), {}, "no parameter 'alpha'"),
-        (({"beta": (0, 1)}, 5), {"quantities": ["period", "period"]}, "'period' is twice among the quantities"),
+        (({"beta": (0, 1)}, 5), {"quantities": ["period", "period"]}, "'period' appears twice in quantities"),
         (({"beta": (0, 1)}, 5), {"family": []}, "family = "),
         (({"mass_ratio": (-1.0, 1.0)}, 5), {}, "mass_ratio"),
         (({"mass_ratio": norm(1.0, 1.0)}, 50), {}, "member .* mass_ratio"),
@@ -57,7 +61,7 @@ def test_what_cannot_be_asked_is_refused_at_once(arguments, options, said):
 )
 def test_the_return_map_is_not_swept_where_a_launch_is_more_than_a_speed(over, options):
     """Three speeds are no launch of three numbers."""
-    said = f"outcome = '{options['outcome']}': a launch of a hopper on a plate is more than a speed; sweep its orbits"
+    said = f"outcome = '{options['outcome']}': a launch of a hopper on a plate has several numbers; sweep its orbits"
     with pytest.raises(InputError, match=said):
         sweep(plate_hopper(), over, 3, **options)
 

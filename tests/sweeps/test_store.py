@@ -1,4 +1,5 @@
-"""The store: what is acknowledged stays, whatever happens; what is no store of this question is refused untouched."""
+"""The store: what is acknowledged stays, whatever happens; what is not a store of this question is refused "
+"untouched."""
 
 import os
 import signal
@@ -63,9 +64,9 @@ def test_another_question_is_refused_and_both_are_named(tmp_path):
     Store(path, asked()).close()
     before = path.read_bytes()
     for other, said in (
-        (asked(601), "members is 600, here it is 601"),
-        (asked(family=2), r"families is \[1\], here it is \[2\]"),
-        (asked(quantities=("stroke",)), r"quantities is \[\], here it is"),
+        (asked(601), "members is 600 there, but 601"),
+        (asked(family=2), r"families is \[1\] there, but \[2\] here"),
+        (asked(quantities=("stroke",)), r"quantities is \[\] there, but"),
     ):
         with pytest.raises(InputError, match=said):
             Store(path, other)
@@ -89,7 +90,7 @@ def test_another_version_is_refused(tmp_path):
 def test_a_file_that_is_no_store_is_refused_untouched(tmp_path, content):
     path = tmp_path / "study.db"
     path.write_bytes(content)
-    with pytest.raises(InputError, match="is no store"):
+    with pytest.raises(InputError, match="is not a store"):
         Store(path, asked())
     assert path.read_bytes() == content
 
@@ -100,7 +101,7 @@ def test_a_database_of_something_else_is_refused(tmp_path):
     connection.execute("CREATE TABLE songs (name TEXT)")
     connection.commit()
     connection.close()
-    with pytest.raises(InputError, match="is no store"):
+    with pytest.raises(InputError, match="is not a store"):
         Store(path, asked())
 
 
@@ -124,7 +125,7 @@ def test_a_store_with_statements_of_its_own_is_refused(tmp_path, statement):
         if "VIEW" in statement:
             connection.execute("DROP TABLE members")
         connection.execute(statement)
-    with pytest.raises(InputError, match="a store has the tables members and question alone"):
+    with pytest.raises(InputError, match="a store must have only the tables members and question"):
         Store(path, asked())
 
 
@@ -136,7 +137,7 @@ def test_a_spoilt_store_is_refused_untouched(tmp_path):
     content = bytearray(path.read_bytes())
     content[8192:16384] = os.urandom(8192)
     path.write_bytes(content)
-    with pytest.raises(InputError, match=r"is spoilt|is no store"):
+    with pytest.raises(InputError, match=r"is damaged|is not a store"):
         Store(path, question)
     assert path.read_bytes() == content
 
@@ -252,9 +253,9 @@ def test_small_and_large_letters_are_different_columns(tmp_path):
 def test_another_seed_or_range_is_named(tmp_path):
     machine, store = Hopper("cubic"), tmp_path / "a.db"
     sweep(machine, {"beta": (0.1, 0.2)}, 8, store=store)
-    with pytest.raises(InputError, match='its drawn is "sobol, seed 0", here it is "sobol, seed 1"'):
+    with pytest.raises(InputError, match='its drawn is "sobol, seed 0" there, but "sobol, seed 1"'):
         sweep(machine, {"beta": (0.1, 0.2)}, 8, seed=1, store=store)
-    with pytest.raises(InputError, match=r"its over beta is \[0.1, 0.2\], here it is \[0.1, 0.3\]"):
+    with pytest.raises(InputError, match=r"its over beta is \[0.1, 0.2\] there, but \[0.1, 0.3\] here"):
         sweep(machine, {"beta": (0.1, 0.3)}, 8, store=store)
 
 

@@ -48,7 +48,7 @@ def test_several_families_are_members_of_their_own():
     assert found.orbit(3).family == 2
     with pytest.raises(InputError, match=r"has no column \[1\]"):
         found[[1]]
-    with pytest.raises(InputError, match=r"member = \[1\]; it is a whole number from 0"):
+    with pytest.raises(InputError, match=r"member = \[1\]; it must be a whole number from 0"):
         found.orbit([1])
 
 
@@ -142,11 +142,11 @@ def test_a_chain_is_swept_from_one_of_its_hops(chain_hop, tmp_path):
 
 
 def test_a_chain_needs_a_start_and_no_family(chain_hop):
-    with pytest.raises(InputError, match="the families of a chain of 3 masses are not guessed: give start= an orbit"):
+    with pytest.raises(InputError, match="families of a chain of 3 masses is known: give an orbit"):
         sweep(CHAIN, {"b": [0.02]})
-    with pytest.raises(InputError, match="of its own family: leave out the other"):
+    with pytest.raises(InputError, match="start already determines the family and outcome"):
         sweep(CHAIN, {"b": [0.02]}, family=2, start=chain_hop)
-    with pytest.raises(InputError, match="slope by the launch speed alone"):
+    with pytest.raises(InputError, match="derivative by the launch speed"):
         sweep(CHAIN, {"b": [0.02]}, start=chain_hop, quantities="loss_coefficient")
     with pytest.raises(InputError, match="no parameter 'mass_ratio' to sweep over"):
         sweep(HeavyHand("cubic"), {"mass_ratio": (1.0, 2.0)})
@@ -214,8 +214,8 @@ class TestTuned:
     def test_bad_arguments_are_named(self):
         machine = Hopper("k*r", parameters={"k": 1.0})
         wrong = [
-            ({"tune": "k"}, r"tune = \['k'\] names 1 of the numbers of the hopper, and 0 are needed"),
-            ({"tune": "k", "at": {"clearance": 1.0}}, "at 'clearance': it is found from the whole motion"),
+            ({"tune": "k"}, r"tune = \['k'\] names 1 parameters of the hopper, and 0 are needed"),
+            ({"tune": "k", "at": {"clearance": 1.0}}, "at 'clearance': it depends on the whole motion"),
             ({"tune": "mass_ratio", "at": {"period": 9.0}}, "'mass_ratio' is varied"),
             ({"tune": "k", "at": {"period": 9.0}, "outcome": "fixed_points", "between": (1, 2)}, "those of orbits"),
         ]

@@ -60,5 +60,5 @@ def test_a_chain_of_uncertain_masses():
     member = chain.with_values(m1=float(spread.sweep["m1"][5]), m2=float(spread.sweep["m2"][5])).stated()
     times = [each.half_flight for each in linear_hops(*member.linear_equations(), member.gap_weights, 4, 5)]
     assert np.abs(np.array(times) - spread.sweep["flight_time"][5] / 2).min() < 1e-9
-    with pytest.raises(InputError, match="give start= an orbit of it"):
+    with pytest.raises(InputError, match="give an orbit of it"):
         uncertainty(chain, {"m1": norm(1, 1e-3)})

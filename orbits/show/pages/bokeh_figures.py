@@ -23,7 +23,7 @@ class PageStyle(NamedTuple):
 
     filled: float = 0.7  # a range stays as long as the data fill at least this share of it
     flat: float = 1e-9  # values that vary by a smaller share of themselves are constant
-    margin: float = 0.06  # beside the data, as a share of their range
+    margin: float = 0.06  # next to the data, as a share of their range
     spare: float = 0.1  # additional margin where the data have just grown and are likely to grow further
     # Events nearer than these shares of the figure's width and height have one label.
     near_events: tuple[float, float] = (0.2, 0.07)
@@ -118,7 +118,7 @@ def tip(entries: list[tuple[str, str]]) -> str:
 def range_changes(shown: Any, low: float, high: float, steady: bool, margin: float = PAGE.margin) -> list[Change]:
     """The changes that make a `Range1d` show low to high: none for a steady one that shows that already, with half its
     margin, and is well filled by it."""
-    if (size := high - low) <= PAGE.flat * max(abs(low), abs(high)):  # nothing but rounding
+    if (size := high - low) <= PAGE.flat * max(abs(low), abs(high)):  # only rounding
         size = abs(high) or 1.0
         low, high = low - 0.5 * size, high + 0.5 * size
     start, end = shown.reset_start, shown.reset_end

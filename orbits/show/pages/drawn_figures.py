@@ -113,7 +113,7 @@ class _Panel:
             axis.major_label_overrides = dict(zip(places, names, strict=True))
 
     def _add(self, artist: Any) -> None:
-        """Add an artist of matplotlib; what is no data, as a spine, is left to Bokeh."""
+        """Add an artist of matplotlib; anything but data, such as a spine, is left to Bokeh."""
         from matplotlib.collections import Collection, PathCollection, QuadMesh
         from matplotlib.image import AxesImage
         from matplotlib.lines import Line2D
@@ -229,7 +229,7 @@ class _Panel:
         self._keep(artist, drawn, shows_values=False)
 
     def _add_text(self, text: Any) -> None:
-        """Add a text, or an annotation so many points beside its place."""
+        """Add a text, or an annotation at an offset in points from its place."""
         beside = getattr(text, "anncoords", "") == "offset points"
         own = (text.xy, self.axes.transData) if beside else (text.get_position(), text.get_transform())
         ((x, y),) = self._in_data(*own)

@@ -47,11 +47,11 @@ class HopData:
     height, speed, drawn : (m, k) of the masses; `drawn` are heights with room for springs of unknown rest length. Of a
         machine that turns they are its angles, and their rates
     centre : (k,) the height of the centre of mass; None where there is none
-    force : (k,) the contact force, that on the point that opens next of those that take turns; None where there is none
+    force : (k,) the contact force, on the point that opens next where points take turns; None where there is none
     landed : (k,) that on the point that has landed; None where only one point holds
     why : in words, why there is no contact force
     flight_time : of the hop
-    floating : whether `drawn` are no true heights
+    floating : whether `drawn` are not true heights
     springs : numbers of the masses, lower and upper, that springs join; -1 is the ground
     knees : such numbers with the length of each of the two links
     span : the lowest and the highest height that is drawn

@@ -48,7 +48,7 @@ p { margin: 0.3em 0 0.8em; overflow-wrap: anywhere; }
 """
 # A browser loads nothing for a page, whatever its texts say: Bokeh would load a script for texts with TeX in them.
 POLICY = "default-src 'none'; script-src 'unsafe-inline' 'unsafe-eval'; style-src 'unsafe-inline'; img-src data: blob:"
-ZOOM = "To zoom, choose a tool beside a figure. Point at a curve for its numbers."
+ZOOM = "To zoom, choose a tool next to a figure. Point at a curve for its numbers."
 # The page of a family when one of its hops is chosen: the value "values[hop][i]" is assigned to the property
 # "names[i]" of "models[i]". A click moves the slider to the nearest hop that has the quantity.
 CHOOSE = """
@@ -77,7 +77,7 @@ def write_page(path: str | Path, title: str, sections: Sequence[Any]) -> Path:
     sections : one after the other, each (heading, list of parts): texts of HTML, and models of Bokeh, side by side
         where there is room
 
-    Raises `InputError` for a path that is no page's, and without Bokeh.
+    Raises `InputError` for a path that is not a page's, and without Bokeh.
     """
     path = check_path(path, PAGES)
     models = [part for _, parts in sections for part in parts if not isinstance(part, str)]
@@ -170,13 +170,13 @@ def result_page(result: "Result", path: str | Path, draw: Callable[..., Any] | N
 
 
 def _animation(figures: HopFigures) -> object:
-    """The player above the animated machine, about as high as the table beside them."""
+    """The player above the animated machine, about as high as the table next to them."""
     figures.machine.height = 440
     return bokeh("layouts").column(figures.player, figures.machine, sizing_mode="stretch_width")
 
 
 def _other_figures(figures: HopFigures, *beside: object) -> list[object]:
-    """The sections of a hop's other figures, and the parts beside the contact force."""
+    """The sections of a hop's other figures, and the parts next to the contact force."""
     return [("Over a cycle", [figures.heights, figures.portrait]), ("Forces", [figures.force, *beside])]
 
 
@@ -197,7 +197,7 @@ def _event_row(family: "Family", event: Any, quantity: str) -> tuple[str, ...]:
 
 
 def _choice(family: "Family", quantity: str, shown: FamilyFigure, hops: list[tuple[Any, Any]]) -> list[object]:
-    """The sections of a family's hops, one of which is shown; none without hops."""
+    """The sections of a family's hops, with one hop shown; none without hops."""
     if not hops:
         return []
     models, figures = bokeh("models"), HopFigures()

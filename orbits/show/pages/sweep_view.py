@@ -20,14 +20,14 @@ def sweep_figures(sweep: Any, quantity: str | None = None) -> tuple[list[Any], s
     Over one parameter it is the quantity against it, over two their plane with the quantity as colour, and over more
     the quantity against each, where members that are selected in one figure are so in all. In SI for a machine that is
     stated so. Without members that have the quantity there is no figure over one parameter. Raises `InputError` for a
-    column that is no number, and for a plane of several families.
+    column that is not a number, and for a plane of several families.
     """
     quantity = quantity or sweep.numbers[0]
     values = sweep[quantity]
     if quantity not in sweep.numbers:
         raise InputError(f"'{quantity}' is not a column of numbers: choose one of {', '.join(sweep.numbers)}")
     if len(sweep.parameters) == 2 and len(sweep.about["families"]) > 1:
-        raise InputError("a figure over two parameters is of one family: take sweep.of_family(n)")
+        raise InputError("a figure over two parameters shows one family: use sweep.of_family(n)")
     step = -(-len(sweep) // PAGE.members) or 1
     chosen = np.arange(0, len(sweep), step)
     known = np.isfinite(values[chosen])
@@ -96,7 +96,7 @@ def _against(sweep: Any, name: str, quantity: str, found: object) -> object:
 
 
 def _marks(figure: Any, sweep: Any, found: object, x: str, y: str, colour: object, field: str) -> object:
-    """The marks of members, crosses where they are no motions, with a legend by a column."""
+    """The marks of members, crosses where they are not motions, with a legend by a column."""
     transform, models = bokeh("transform"), bokeh("models")
     shape = transform.factor_mark("kind", ["circle", "x"], ["motions", "no motions"])
     marks = figure.scatter(

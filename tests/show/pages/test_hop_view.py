@@ -126,12 +126,12 @@ def test_a_force_that_is_not_known_is_told_in_words(cubic_hop):
     assert (collapsing.force, collapsing.why) == (None, "the contact never ends")
     assert collapsing.end == collapsing.flight_time
     foreign = replace(cubic_hop, contact=replace(cubic_hop.contact, names=("y1", "y1'", "heat")))
-    with pytest.raises(InputError, match="does not tell its contact force, but y1, y1', heat"):
+    with pytest.raises(InputError, match="has no contact force of this name; it has y1, y1', heat"):
         foreign.contact_force(0.0)
     assert hop_data(foreign).force is None
     figures = HopFigures()
     figures.show(hop_data(foreign))
-    assert "does not tell" in figures.force.title.text
+    assert "has no contact force of this name" in figures.force.title.text
 
 
 def changes_told(figures, document, data) -> int:
