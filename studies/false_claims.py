@@ -108,7 +108,7 @@ def bare(orbit: Orbit, machine: object) -> Claim:
 
 def verdict_of(proof: Proof) -> str:
     """The verdict of a proof on its claim."""
-    late = any("allow it more by its limit" in reason for reason in proof.reasons)
+    late = any("raise the limit" in reason for reason in proof.reasons)
     return PROVED if proof.proved else OUT_OF_TIME if late else REFUSED
 
 

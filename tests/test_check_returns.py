@@ -94,17 +94,17 @@ def changed(document, *path, to):
 
 # What is false, seen before any motion is followed: the place in the file, the value, and the reason.
 SAID = {
-    "a condition is missing": (("conditions",), {"clearance": "proved"}, "not all conditions"),
+    "a condition is missing": (("conditions",), {"clearance": "proved"}, "fewer conditions"),
     "not proved": (("proved",), False, "all proved"),
     "more": (("machine", "more"), "1", "more than this program verifies"),
     "another kind": (("kind",), "period doubling", "not the unknowns of a period doubling"),
     "a longer period": (("kind",), "periodic hops", "another kind than its unknowns"),
     "no uniqueness": (("parts", 0, "uniqueness_radius"), "0", "radius of uniqueness"),
     "radius": (("radius",), "1e-30", "less than half the width"),
-    "family": (("family",), 1, "of a family"),
+    "family": (("family",), 1, "have a family"),
     "launch": (("machine", "launch"), "y2", "does not determine the coordinate"),
     "multiplier of 1": (("enclosures", "multiplier"), ["0.5", "8"], "may be 1 or -1"),
-    "number": (("enclosures", "multiplier"), [7.2, 7.3], "no text of decimal digits"),
+    "number": (("enclosures", "multiplier"), [7.2, 7.3], "not a text of decimal digits"),
 }
 
 
@@ -154,7 +154,7 @@ def test_motions_that_are_no_hops_of_the_map_are_refused():
     later = replace(guess, contacts=(guess.contacts[0] + 2 * np.pi * np.sqrt(2),))
     false = saved(proof_of_fixed_point(Hopper(), later, "0.03", None, {}, None))
     false |= {"proved": True, "reasons": [], "conditions": dict.fromkeys(false["conditions"], "proved")}
-    assert check_saved(restated(false)) == ["a sign along the motion is not decided"]
+    assert check_saved(restated(false)) == ["a sign along the motion cannot be decided"]
     repeats = {name: 2 * getattr(guess, name) for name in ("launches", "flights", "contacts")}
     twice = saved(proof_of_fixed_point(Hopper(), replace(guess, **repeats), "0.03", None, {}, None))
     twice |= {"proved": True, "reasons": [], "conditions": dict.fromkeys(twice["conditions"], "proved")}

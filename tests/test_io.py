@@ -232,7 +232,7 @@ class TestDigests:
         with pytest.raises(InputError, match="line 3"):
             Family.load(path)
         path.write_text("".join(lines[:-1]) + lines[-1][:20])
-        assert "ends before it does" in Family.load(path).end.reason
+        assert "its file is incomplete" in Family.load(path).end.reason
 
     def test_files_of_the_first_version_are_read(self, tmp_path, orbit, family, caplog):
         path = orbit.save(tmp_path / "orbit.json")

@@ -112,7 +112,7 @@ def test_the_numbers_are_those_of_the_dimensionless_machine_in_si(name):
 
 
 def test_what_is_added_to_launches_is_bounded_in_si():
-    with pytest.raises(InputError, match=r"inject = 1e\+300; it is at most 2\.46145e\+14"):
+    with pytest.raises(InputError, match=r"inject = 1e\+300; it must be at most 2\.46145e\+14"):
         ReturnMap(BENT, inject=1e300)
 
 
@@ -126,7 +126,7 @@ def leaving():
 def test_a_file_whose_violations_disagree_is_refused(tmp_path):
     path = find(SHORT, 3).save(tmp_path / "orbit.json")
     path.write_text(json.dumps(json.loads(path.read_text()) | {"violations": []}))
-    with pytest.raises(InputError, match="violations in SI and without units are not as many"):
+    with pytest.raises(InputError, match="violations in SI and without units differ in number"):
         Orbit.load(path)
 
 

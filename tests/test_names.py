@@ -55,13 +55,13 @@ MACHINES: dict[str, tuple[Any, str, str, dict[str, Any]]] = {
 # Reasons for which a name makes no sense for a verb, or an orbit has no such number, besides those of
 # `absent_quantities`.
 REASONS = (
-    "is found from the whole motion",  # no equation of half an orbit
-    "it is computed for designs alone",
-    "is not computed for many",
-    "not among",
+    "depends on the whole motion",  # no equation of half an orbit
+    "it can be prescribed only in designs",
+    "cannot be computed for many",
+    "is not available here",
     "it follows from the geometry",
-    "that is a number of the machine",
-    "say by tune= which parameter changes",
+    "it is a parameter of the machine",
+    "name in tune= the parameter that changes",
     "does not depend on",  # the number that is tuned
     "do not depend on",
     "does not determine",
@@ -70,17 +70,18 @@ REASONS = (
     "has no lowest value",
     "has no value at any orbit",
     "has no loss_coefficient",
-    "fewer than two of the members",
-    "is the same all along the family",
+    "fewer than two members are motions",
+    "has the same value along the whole family",
     "passes 1 along the family 0 times",
-    "are followed for smooth laws",
-    "a quantity of orbits, which find",  # parameters
+    "can be followed only for smooth laws",
+    "a quantity of orbits; find",  # parameters
     "it follows from",
-    "lossless orbits do not have it",
+    "lossless orbits do not depend on it",
     "is tuned and follows from the others",
-    "it is followed, so that it is not tuned",
-    "it is followed along another parameter",
-    "is varied, so that it is neither tuned",
+    "is followed, so it cannot be tuned",
+    "must be followed along another parameter",
+    "follow it along another parameter",
+    "is varied, so it cannot be tuned",
 )
 
 

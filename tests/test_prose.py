@@ -16,8 +16,11 @@ GITHUB = [path for path in sorted((ROOT / ".github").glob("*.md")) if path.name 
 PAGES = [ROOT / "README.md", *sorted((ROOT / "studies" / "docs").rglob("*.md")), *GITHUB]
 PAGES += [ROOT / "studies" / "paper" / "paper.md", *sorted((ROOT / "studies" / "notebooks").glob("*.ipynb"))]
 # Packages whose docstrings and messages are read too.
-PACKAGES: tuple[str, ...] = ("problems",)
+PACKAGES = ("orbits", "problems")
+# Saved theorems contain the sentences of these modules, so that they stay as they are.
+THEOREMS = ("check_statement.py", "wording.py", "branch_words.py")
 CODE = re.compile(r"^ *```.*?^ *```$|^\$\$.*?^\$\$|`[^`\n]*`", flags=re.MULTILINE | re.DOTALL)
+FIELD = re.compile(r"^ *[\w*]+(, [\w*]+)* : ", flags=re.MULTILINE)
 
 # What is never right, and what to write instead.
 PHRASES = {
@@ -72,11 +75,12 @@ def prose(page: Path) -> str:
 
 
 def texts(package: str) -> Iterator[tuple[str, str]]:
-    """The docstrings and the messages of a package, each with its file and line."""
-    for path in sorted((ROOT / package).rglob("*.py")):
+    """The docstrings and the messages of a package, without names of fields and code, each with its file and line."""
+    for path in sorted(path for path in (ROOT / package).rglob("*.py") if path.name not in THEOREMS):
         for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
             if isinstance(node, ast.Constant) and isinstance(node.value, str) and " " in node.value:
-                yield f"{path.relative_to(ROOT)}:{node.lineno}", node.value
+                text = FIELD.sub("", CODE.sub("code", node.value))
+                yield f"{path.relative_to(ROOT)}:{node.lineno}", " ".join(text.split())
 
 
 @pytest.mark.parametrize("sentence", STUMBLED)

@@ -155,8 +155,8 @@ WITHOUT = {
     ("OptimalFamily", "machine"): "motions are of stages, and of no machine",
     ("SpringFit", "machine"): "a spring may be that of any machine",
     ("HopFit", "machine"): "it is the machine itself",
-    ("Proof", "plot"): "a theorem has nothing to draw",
-    ("Checked", "plot"): "relations that hold have nothing to draw",
+    ("Proof", "plot"): "a theorem cannot be drawn",
+    ("Checked", "plot"): "relations cannot be drawn",
 }
 # The machines that files do not hold.
 OF_FILES = {
@@ -276,7 +276,7 @@ def test_every_result_has_every_verb(kind, tmp_path):
     lacking = {verb for verb, holds in VERBS.items() if (kind, verb) not in WITHOUT and not holds(result)}
     assert not lacking
     if (kind, "plot") in WITHOUT:
-        with pytest.raises(InputError, match="nothing to draw"):
+        with pytest.raises(InputError, match="cannot be drawn"):
             result.plot()
     for ending in FILES:
         path = tmp_path / f"result.{ending}"

@@ -27,7 +27,7 @@ from orbits import (
 from orbits.units import DIMENSIONS, SPEED, Units, saved_units, unit_text
 from problems import hopper_in_si
 
-SCHEDULE = "; it is a list of times, and lists of values of parameters by name"
+SCHEDULE = "; it must be a list of times, and lists of parameter values by name"
 MACHINES = {"leg": LEG, "thrower": THROWER, "rover": ROVER}
 # By hand, of masses m1 over m2, gravity g and stiffness k (eq. 2): weight, length, time of hopper and juggler.
 HAND = {
@@ -270,23 +270,26 @@ def test_designs_over_masses(tmp_path):
     [
         (lambda m: find(m, start={1: 2}), "start has '1'; the unknowns are liftoff, alpha, duration"),
         (lambda m: find(m, start={"alpha": "x"}), "start 'alpha' = 'x' is not a finite number"),
-        (lambda m: find(m, 0), "family = 0; a family is a whole number from 1 to 10000"),
-        (lambda m: find_all(m, family=0), "family = 0; a family is a whole number from 1 to 10000"),
-        (lambda m: find(m, method="x 2"), "method = 'x 2'; it is one of closed form, relative, half orbit, shooting"),
-        (lambda m: simulate(m, 1.5, time=-2.0), "time = -2.0; it is a number above 0"),
-        (lambda m: simulate(m, 1.5, hops=0), "hops = 0; it is a number of lift-offs, from 1 upwards"),
-        (lambda m: simulate(m, -1.5, hops=1), "alpha = -1.5; a launch speed is above 0"),
-        (lambda m: simulate(m, state=[1, 2], hops=1), "state = [1, 2]; it is 4 numbers, y1, y1', y2, y2'"),
+        (lambda m: find(m, 0), "family = 0; a family must be a whole number from 1 to 10000"),
+        (lambda m: find_all(m, family=0), "family = 0; a family must be a whole number from 1 to 10000"),
+        (
+            lambda m: find(m, method="x 2"),
+            "method = 'x 2'; it must be one of closed form, relative, half orbit, shooting",
+        ),
+        (lambda m: simulate(m, 1.5, time=-2.0), "time = -2.0; it must be a number above 0"),
+        (lambda m: simulate(m, 1.5, hops=0), "hops = 0; it must be a number of lift-offs, from 1 upwards"),
+        (lambda m: simulate(m, -1.5, hops=1), "alpha = -1.5; a launch speed must be above 0"),
+        (lambda m: simulate(m, state=[1, 2], hops=1), "state = [1, 2]; it must be 4 numbers, y1, y1', y2, y2'"),
         (lambda m: simulate(m, 1.5, hops=1, schedule=5), f"schedule = 5{SCHEDULE}"),
         (lambda m: simulate(m, 1.5, hops=1, schedule=([0, "x"], {})), f"schedule = ([0, 'x'], {{}}){SCHEDULE}"),
         (lambda m: simulate(m, 1.5, hops=1, schedule=([0, 1], 2)), f"schedule = ([0, 1], 2){SCHEDULE}"),
         (
             lambda m: simulate(m, 1.5, hops=1, schedule=([0, 1], {"k": [1, 2]})),
-            "schedule: 'k' has 2 values between 2 times",
+            "schedule: 'k' has 2 values for 2 times; it must have one value between each two times",
         ),
         (
             lambda m: ReturnMap(m).fixed_points(1, 2, samples=0),
-            "samples = 0; it is a number of launches, from 2 upwards",
+            "samples = 0; it must be a number of launches, from 2 upwards",
         ),
     ],
 )

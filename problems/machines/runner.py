@@ -90,7 +90,7 @@ def runner(
         own["friction"] = number("friction", friction)
     for name, value in own.items():
         if not value > 0:
-            raise InputError(f"{name} = {value:g}; of a runner it lies above 0")
+            raise InputError(f"{name} = {value:g}; for a runner it must lie above 0")
     values = stated_numbers(parameters)
     refuse_taken(["step"], values, "a number of each run, which is not stated")
     known = with_parameters(own, values)

@@ -258,7 +258,7 @@ def _in_si(
 def _positive(name: str, value: object, high: float = inf) -> float:
     found = number(name, value)
     if not 0 < found < high:
-        raise InputError(f"{name} = {found:g}; it lies above 0" + ("" if high == inf else f" and below {high:.6g}"))
+        raise InputError(f"{name} = {found:g}; it must lie above 0" + ("" if high == inf else f" and below {high:.6g}"))
     return found
 
 

@@ -29,7 +29,7 @@ def checked_ground(ground: object, parameters: Mapping[str, float], kind: str, i
     if ground is None:
         return None
     if not isinstance(ground, Ground):
-        raise InputError(f"ground = {ground!r}; it is a Ground, as ground=Ground(mass=2.0, spring=100.0)")
+        raise InputError(f"ground = {ground!r}; it must be a Ground, for example ground=Ground(mass=2.0, spring=100.0)")
     if kind != "hopper":
         raise InputError(f"ground={ground!r}: what lands in a {kind} does not land on the ground; leave it out")
     if ground.name != "ground":

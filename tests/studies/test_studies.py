@@ -264,7 +264,7 @@ def test_gravity_families(tmp_path):
     found = gravity_families.main(tmp_path, quick=True)
     length = gravity_families.REST_LENGTH
     assert found["hopper", "1 - k*z", 1].end.limit == pytest.approx(2 / (length + 1), rel=1e-5)
-    assert "the launch speed falls to nothing" in found["hopper", "1 - k*z", 1].end.reason
+    assert "the launch speed falls to zero" in found["hopper", "1 - k*z", 1].end.reason
     assert found["juggler", "1 - k*z", 1].end.limit == pytest.approx(1 / length, rel=1e-5)
     assert found["hopper", "1/(1 + z*k)**2", 1].end.kind == "reached"
 

@@ -44,8 +44,8 @@ def test_a_branch_in_words_and_in_a_file(orbits, tmp_path):
         ("map --alpha 4:5:9 --basins --cobweb 4.5", "has no --cobweb, --all or --start"),
         ("map --alpha 4:5:9 --basins --along inject --from 0 --to 1", "or --basins"),
         ("map --alpha 4:5:9 --along speed --from 0 --to 1", "has a parameter 'speed'"),
-        ("map --alpha 4:5:9 --along mass_ratio --from 1 --to 2", "every fixed point is a lossless hop"),
-        ("map --alpha 4:5:9 --along inject --from 1 --to 0", "a range goes up"),
+        ("map --alpha 4:5:9 --along mass_ratio --from 1 --to 2", "every fixed point here is a lossless hop"),
+        ("map --alpha 4:5:9 --along inject --from 1 --to 0", "low must be below high"),
     ],
 )
 def test_bad_input_is_named(line, words, orbits):

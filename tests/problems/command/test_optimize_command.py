@@ -59,10 +59,10 @@ def test_command_line_of_a_front(orbits, tmp_path):
     ("old", "new", "code", "words"),
     [
         ("0.25", "0.01", 1, "'stroke <= 0.01' is missed by"),
-        ("k = [500, 5e4]", "k = [5e4, 500]", 2, "a range goes up, low < high"),
+        ("k = [500, 5e4]", "k = [5e4, 500]", 2, "low must be below high"),
         ('"largest_contact_force"', '"largest_contact_forse"', 2, "did you mean 'largest_contact_force'"),
         ("family = 2", "famly = 2", 2, "unknown key 'famly'; did you mean 'family'"),
-        ("starts = 1", "starts = 'locals'", 2, "it is a number, or 'global'"),
+        ("starts = 1", "starts = 'locals'", 2, "it must be a number, or 'global'"),
         ("family = 2", "points = 2", 2, "points belong to a front"),
         ("[design.over]\nk = [500, 5e4]\nb = [0, 1e7]\n", "", 2, "[design.over] names the parameters"),
         (FILE[FILE.index("[design]") :], "", 2, "has no [design]"),

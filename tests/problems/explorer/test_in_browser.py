@@ -262,7 +262,7 @@ def test_a_wheel_walks_in_the_plane(tab, address):
     wheel = rimless_wheel(2.0, 0.4, 8, 0.5, 0.5, 20.0)
     assert shown(tab) == pytest.approx(find(wheel).alpha, rel=1e-6)
     needed = find(wheel).certificate.friction_needed
-    assert f"No motion: it needs the friction {needed:.6g}" in element(tab, "status").text
+    assert f"No motion: it needs the friction coefficient {needed:.6g}" in element(tab, "status").text
     assert not element(tab, "drop").is_displayed()
     tab.resize(400)
     wait_for_figure(tab, "machine")

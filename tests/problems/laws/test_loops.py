@@ -121,6 +121,6 @@ def test_an_orbit_of_one_branch_states_what_the_loop_loses():
     family = follow(machine, "body_mass", 3.3, most=3)
     last = find(machine.with_values(body_mass=family[-1].value)).loop_energy
     assert family.column("loop_energy")[[0, -1]] == pytest.approx([orbit.loop_energy, last], rel=1e-9)
-    with pytest.raises(InputError, match="a column of sweeps and families, no design"):
+    with pytest.raises(InputError, match="sweeps and families have it as a column, designs do not"):
         optimize(machine, minimise="loop_energy", over={"body_mass": (3.0, 4.0)})
     assert "on the measured loop" not in str(find(hopper_in_si(3.0, 1.5, stiffness=1500.0, rest_length=0.3)))

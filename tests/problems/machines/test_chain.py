@@ -132,9 +132,9 @@ class TestSimulation:
                 assert sum(event.kind in ("impact", "landing") for event in run.events) == impacts
 
     def test_what_is_missing_is_named(self):
-        with pytest.raises(InputError, match="a mapping of alpha, y1, y1': it needs 'y1'"):
+        with pytest.raises(InputError, match="a mapping of alpha, y1, y1', but it needs 'y1'"):
             simulate(Chain(), {"alpha": 1.0}, hops=1)
-        with pytest.raises(InputError, match="more than a speed"):
+        with pytest.raises(InputError, match="has several numbers"):
             simulate(Chain(), 4.0, hops=1)
         with pytest.raises(InputError, match=r"an array .* 3.* of alpha, y1, y1'"):
             ReturnMap(Chain())(4.0)
@@ -149,10 +149,10 @@ class TestStarts:
     def test_bad_starts_are_named(self, three):
         orbit = three[0]
         for start, telling in (
-            (5, "it is an orbit, or a mapping"),
+            (5, "it must be an orbit, or a mapping"),
             ({"alpha": "x"}, "start 'alpha' = 'x'"),
             ({"speed": 1.0}, "start has 'speed'"),
-            ({"duration": 1e6}, "lies between 0 and 10000"),
+            ({"duration": 1e6}, "must lie between 0 and 10000"),
         ):
             with pytest.raises(InputError, match=telling):
                 find(Chain(), start=start)

@@ -152,7 +152,7 @@ class TestEndsOfFamilies:
         expected = self.at_rest_together(n)[which]
         family = self.family(half_flight, half_contact, stiffness, 0.1 if expected < stiffness else 30.0)
         assert family.end.kind == "degenerate"
-        assert "shrinks to nothing" in family.end.reason
+        assert "shrinks to zero" in family.end.reason
         assert family.end.limit == pytest.approx(expected, abs=1e-6)
 
 

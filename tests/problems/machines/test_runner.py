@@ -122,7 +122,7 @@ def test_hops_beside_lose_what_the_loss_coefficient_says(fast):
 def test_the_step_is_no_number_of_the_machine():
     with pytest.raises(InputError, match="'step' is a number of each run"):
         runner(parameters={"step": 2.0})
-    with pytest.raises(InputError, match="'step' is a number of each orbit"):
+    with pytest.raises(InputError, match="'step' is a quantity of orbits"):
         replace(runner(), elements=[Spring("l", "step*r")])
 
 
@@ -153,11 +153,11 @@ def test_the_rest_length_is_stated_as_of_other_machines():
 @pytest.mark.parametrize(
     ("stated", "message"),
     [
-        ({"foot_mass": 0.0}, "foot_mass = 0; of a runner it lies above 0"),
+        ({"foot_mass": 0.0}, "foot_mass = 0; for a runner it must lie above 0"),
         ({"inertia": -1.0}, "inertia = -1; of a runner"),
         ({"parameters": {"beta": 1.0}}, "no element has a parameter 'beta'"),
         ({"parameters": {"inertia": 1.0}}, "'inertia' is an argument of its own"),
-        ({"hip_spring": "hip_stiffness*r + r**2"}, "not turned back by the reversor"),
+        ({"hip_spring": "hip_stiffness*r + r**2"}, "not reversed by the reversor"),
     ],
 )
 def test_no_runner(stated, message):

@@ -25,8 +25,8 @@ def test_driven_energy_and_schedules():
     assert impacts.energy(run(6.0)) - impacts.energy(run(0.0)) == pytest.approx(done, abs=1e-6)
     for schedule, words in (
         ((times, {"v": rates}), "no parameter 'v'"),
-        ((times[::-1], {"w": rates}), "finite and rise"),
-        ((times, {"w": rates[1:]}), "11 values between 13 times"),
+        ((times[::-1], {"w": rates}), "finite and increase"),
+        ((times, {"w": rates[1:]}), "11 values for 13 times"),
     ):
         with pytest.raises(InputError, match=words):
             simulate(machine, 5.0, time=6.0, schedule=schedule)

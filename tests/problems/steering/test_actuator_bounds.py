@@ -62,8 +62,8 @@ def test_a_force_that_falls_with_the_speed(actuator, share):
 @pytest.mark.parametrize(
     ("stated", "words"),
     [
-        (3.0, "speed_force = 3.0; it is two numbers, the speed at which no force is left"),
-        ((1.0, -2.0), r"speed_force = \(1, -2\): both numbers of the actuator's bound are above 0"),
+        (3.0, "speed_force = 3.0; it must be two numbers, the speed at which the driving force vanishes"),
+        ((1.0, -2.0), r"speed_force = \(1, -2\): both numbers must be above 0"),
         ((1.0, np.inf), "speed_force = inf"),
     ],
 )

@@ -91,11 +91,11 @@ def test_files(name, tmp_path, request):
     [
         ({"statement": {"spring": "table:/etc/passwd"}}, "in another file, which is not read"),
         ({"statement": {"spring": "__import__('os')"}}, "the machine"),
-        ({"statement": {"spring": "r + r**3"}}, "it is of another machine"),
+        ({"statement": {"spring": "r + r**3"}}, "it belongs to another machine"),
         ({"statement": {"sprung": "r"}}, "unknown key 'sprung'"),
         ({"statement": {"parameters": 3}}, "parameters"),
         ({"statement": 3}, "statement = 3; it is a table"),
-        ({"machine": {}}, "it is of another machine"),
+        ({"machine": {}}, "it belongs to another machine"),
     ],
 )
 def test_a_damaged_file_is_refused(driven_hopper, tmp_path, damage, words):
