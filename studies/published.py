@@ -1,4 +1,4 @@
-"""Published cases: numbers from papers, books, course notes and issues beside those of the toolkit, in one table.
+"""Published cases: numbers from papers, books, course notes and issues, each compared with that of the toolkit.
 
 Each case states where its number is printed, or which closed form it is, and computes it anew. The cases are in
 `published_cases`, by subject; what the toolkit cannot state is listed with the missing idea.

@@ -129,7 +129,9 @@ class Alone:
             found.append((spring, factor, c.at_zero(spring.extension)))
         line = list(map(exact_number, along))
         falls = not vanishes(inner_product(across_line(line), weight_of(mechanics.in_flight)))
-        return cls(mechanics, found, line) if falls else None
+        alone = cls(mechanics, found, line) if falls else None
+        # Where the gap does not depend on the extension, a ball lands whatever the spring does.
+        return alone if alone and alone.gap_slope_of.constant != 0.0 else None
 
     def _number(self, expression: ExactExpression) -> "_Number":
         """p -> the value of an expression."""

@@ -16,11 +16,11 @@ RESTITUTIONS, CYCLES, LEVELS = (0.2, 0.5, 0.8), (1, 2, 3), (1.01, 1.5, 2.0, 5.0)
 
 
 def dropped(height: float, speed: float, restitution: float, gravity: float, time: float) -> Simulation:
-    """A ball that bounces on the ground; a mass beside it swings on a spring, as a gap is between two coordinates."""
+    """A ball that bounces on the ground. A mass on a spring stands by, since a machine has two coordinates."""
+    masses = [Mass("other", 1.0), Spring("other"), Mass("ball", 1.0)]
     ball = Mechanism(
-        ("other", "ball"), [Spring("other - 2*ball", "0*r"), Mass("other", 1.0), Mass("ball", 1.0)], gap="ball",
-        restitution=restitution, gravity=gravity, name="ball",
-    )  # fmt: skip
+        ("other", "ball"), masses, gap="ball", restitution=restitution, gravity=gravity, name="bouncing ball"
+    )
     return simulate(ball, state=[0.0, 0.0, height, speed], time=time)
 
 

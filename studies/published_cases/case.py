@@ -108,7 +108,7 @@ def published_text(each: str | float) -> str:
 
 
 def our_text(value: float, published: str | float) -> str:
-    """Our number with one digit more than the source prints, and with ten digits beside a closed form."""
+    """Our number with one digit more than the source prints, and with ten digits if it states a closed form."""
     if not isinstance(published, str):
         return f"{value:.{DIGITS}g}"
     exponent = int(Decimal(published).as_tuple().exponent)

@@ -22,7 +22,7 @@ STEPS = ((1.0, 0.5, 1), (1.0, 0.5, 2), (0.2, 0.5, 1))  # inertia ratio, gravity 
 
 @cache
 def block(angle: float) -> Mechanism:
-    """A solid block with half a height of 1; the body that swings alone on a spring moves nothing."""
+    """A solid block with half a height of 1. The inner body swings alone on a spring."""
     return Mechanism(
         ("phi", "theta"),
         [Spring("phi"), Mass("cos(theta) + b*sin(theta)", 1.0, across="sin(theta) - b*cos(theta)")],

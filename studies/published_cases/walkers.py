@@ -25,7 +25,7 @@ GUESSES = {"long": (0.2, -0.2, -0.016), "short": (0.194, -0.204, -0.015)}
 
 @cache
 def wheel(slope: float) -> Mechanism:
-    """Tedrake's wheel of 8 spokes with m = l = 1. The body that swings alone on a spring moves nothing."""
+    """Tedrake's wheel of 8 spokes with m = l = 1. The inner body swings alone on a spring."""
     return Mechanism(
         ("phi", "theta"),
         [Spring("phi"), Mass("cos(theta - a + slope)", 1.0, across="sin(theta - a + slope)")],

@@ -2,7 +2,7 @@
 
 import pytest
 
-from orbits import Mechanism, NoOrbit, OrbitsError, ReturnMap, find
+from orbits import Mechanism, NoOrbit, OrbitsError, ReturnMap, find, simulate
 from orbits.mechanics import Inerter, Mass, Potential, Spring, Weight
 from problems import hopper_in_si, knee_hopper
 from problems.laws import springs
@@ -60,3 +60,12 @@ class TestForcesThatOpenNoContact:
     def test_of_no_launch_at_all(self):
         """A leg that is too soft for its fall collapses."""
         assert ReturnMap(bent_leg("5*tanh(r)"))(5.0).next == pytest.approx(float("nan"), nan_ok=True)
+
+
+def test_a_spring_that_does_not_move_the_gap_leaves_a_ball_to_its_bounces():
+    """A ball falls from 1 with the acceleration 2, and each bounce lasts 0.7 of the one before."""
+    masses = [Mass("other", 1.0), Spring("other"), Mass("ball", 1.0)]
+    run = simulate(
+        Mechanism(("other", "ball"), masses, gap="ball", gravity=2.0, restitution=0.7), state=[0.1, 0, 1, 0], time=9.0
+    )
+    assert run.events[-1].time == pytest.approx(1 + 2 * 0.7 / 0.3, rel=1e-14)
