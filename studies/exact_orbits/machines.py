@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from orbits import Mechanism, Orbit, find, simulate, start_from_rest
+from orbits import Mechanism, Orbit, Proof, find, prove, simulate, start_from_rest
 from orbits.mechanics import Mass, Spring
 from problems import (
     Chain,
@@ -167,32 +167,45 @@ def _rests(machine: Any, *guess: Any) -> Callable[[], Orbit]:
 
 
 BALL = {"ball": {"w1": 1.0}, "hand": {"w2": 1.0}}
-MACHINES: dict[str, Callable[[Case], Iterator[Comparison]]] = {
-    "juggler_cubic": from_mid_contact(lambda: find(Juggler("r + 0.1*r**3", mass_ratio=0.5)), BALL),
-    "heavy_hand": from_mid_contact(lambda: find(HeavyHand()), BALL),
-    "heavy_hand_bounces": simulated(HeavyHand(), ("ball", "ball_speed", "hand", "hand_speed"), BALL),
-    "chain_three": from_mid_contact(
-        _rests(Chain(), (-11.15, -3.016), 3.222, 2.46), {"top": {"y1": 1}, "middle": {"y2": 1}, "foot": {"y3": 1}}
+# Orbits with the coordinates of their cases.
+ORBITS: dict[str, tuple[Callable[[], Orbit], Coordinates]] = {
+    "juggler_cubic": (lambda: find(Juggler("r + 0.1*r**3", mass_ratio=0.5)), BALL),
+    "chain_three": (
+        _rests(Chain(), (-11.15, -3.016), 3.222, 2.46), {"top": {"y1": 1}, "middle": {"y2": 1}, "foot": {"y3": 1}},
     ),
-    "chain_hand": from_mid_contact(
-        _rests(chain_hand(), (-3.479, 8.217), 1.066, 2.889), {**same("ball", "hand"), "base": {"y3": 1.0}}
+    "chain_hand": (
+        _rests(chain_hand(), (-3.479, 8.217), 1.066, 2.889), {**same("ball", "hand"), "base": {"y3": 1.0}},
     ),
-    "inerter": from_mid_contact(lambda: find(inerter_hopper()), same("body", "foot")),
-    "knee": from_mid_contact(lambda: find(knee_hopper()), same("foot", "knee")),
-    "plate": from_mid_contact(
+    "inerter": (lambda: find(inerter_hopper()), same("body", "foot")),
+    "knee": (lambda: find(knee_hopper()), same("foot", "knee")),
+    "plate": (
         _rests(plate_hopper(parameters={"plate_stiffness": 10.0}), (-4.7919, 0.26877), 2.0712, 2.4387),
         same("body", "foot", "plate"),
     ),
-    "alternating_hopper": from_mid_contact(
+    "alternating_hopper": (
         lambda: find(TWO_FEET, start=LIFTED_FOOT),
         {**same("body"), "left": {"mean": 1.0, "half": 1.0}, "right": {"mean": 1.0, "half": -1.0}},
-        unrolled=True,
     ),
-    "wheel_small": from_mid_contact(lambda: find(rimless_wheel()), ANGLES),
-    "wheel": from_mid_contact(lambda: find(rimless_wheel(angle=0.3)), ANGLES),
-    "rocker_small": from_mid_contact(lambda: find(rocking_block()), ANGLES),
-    "rocker": from_mid_contact(lambda: find(rocking_block(angle=0.3)), ANGLES),
-    "shuttle": from_mid_contact(lambda: find(shuttle(angle=0.3)), ANGLES),
+    "wheel_small": (lambda: find(rimless_wheel()), ANGLES),
+    "wheel": (lambda: find(rimless_wheel(angle=0.3)), ANGLES),
+    "rocker_small": (lambda: find(rocking_block()), ANGLES),
+    "rocker": (lambda: find(rocking_block(angle=0.3)), ANGLES),
+    "shuttle": (lambda: find(shuttle(angle=0.3)), ANGLES),
+    "runner": (
+        lambda: find(runner(), tune=("inertia", "hip_stiffness"), at={"speed": 0.4}),
+        {"height": {"z": 1.0}, "leg": {"l": 1.0}, "angle": {"theta": 1.0}, "pitch": {"phi": 1.0}},
+    ),
+}  # fmt: skip
+PROOFS: dict[str, Callable[[], Proof]] = {
+    name: lambda orbit=orbit: prove(orbit()) for name, (orbit, _) in ORBITS.items()
+}
+MACHINES: dict[str, Callable[[Case], Iterator[Comparison]]] = {
+    **{
+        name: from_mid_contact(orbit, coordinates, unrolled=name == "alternating_hopper")
+        for name, (orbit, coordinates) in ORBITS.items()
+    },
+    "heavy_hand": from_mid_contact(lambda: find(HeavyHand()), BALL),
+    "heavy_hand_bounces": simulated(HeavyHand(), ("ball", "ball_speed", "hand", "hand_speed"), BALL),
     **dict.fromkeys(
         ("wheel_down_slope", "wheel_slows_down", "wheel_rocks"),
         simulated(
@@ -200,15 +213,9 @@ MACHINES: dict[str, Callable[[Case], Iterator[Comparison]]] = {
             {"theta": "slope - half_angle"},
         ),
     ),
-    "housner": simulated(
-        SOLID_BLOCK, ("0", "0", "tilt", "tilt_rate"), {"tilt": {"theta": 1.0}}, mirrored=True
-    ),
+    "housner": simulated(SOLID_BLOCK, ("0", "0", "tilt", "tilt_rate"), {"tilt": {"theta": 1.0}}, mirrored=True),
     "brachiator": simulated(
         ARMS, ("held", "held_rate", "free", "free_rate", "100", "0"), same("held", "free"), first=True
-    ),
-    "runner": from_mid_contact(
-        lambda: find(runner(), tune=("inertia", "hip_stiffness"), at={"speed": 0.4}),
-        {"height": {"z": 1.0}, "leg": {"l": 1.0}, "angle": {"theta": 1.0}, "pitch": {"phi": 1.0}},
     ),
     "walker": simulated(
         WALKER, ("stance", "stance_rate", "swing", "swing_rate", "torso", "torso_rate", "100", "0"),

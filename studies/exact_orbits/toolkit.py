@@ -3,13 +3,13 @@
 from collections.abc import Iterator
 from pathlib import Path
 
+from studies.exact_orbits import hoppers, machines
 from studies.exact_orbits.closed_forms import CLOSED_FORMS
 from studies.exact_orbits.comparison import Comparison
-from studies.exact_orbits.hoppers import HOPPERS, PROOFS
-from studies.exact_orbits.machines import MACHINES
 from studies.exact_orbits.reader import Case
 
-COMPARED = HOPPERS | MACHINES | CLOSED_FORMS
+COMPARED = hoppers.HOPPERS | machines.MACHINES | CLOSED_FORMS
+PROOFS = hoppers.PROOFS | machines.PROOFS
 
 
 def compared(path: Path) -> Iterator[Comparison]:
