@@ -29,7 +29,7 @@ from studies.exact_orbits.comparison import BOUND, Comparison, compared_motion
 from studies.exact_orbits.reader import Case
 
 Coordinates = Mapping[str, Mapping[str, float]]
-CHAOS = 1e-6  # what the bounces of the chaotic case make of 1e-12
+CHAOS = 1e-6  # bound of the chaotic case, whose bounces make 1e-8 of an error of 1e-16
 ANGLES = {"phi": {"phi": 1.0}, "theta": {"theta": 1.0}}
 TWO_FEET = Mechanism(
     ("body", "mean", "half"),
@@ -43,7 +43,7 @@ TWO_FEET = Mechanism(
 # Near its lift-off of the left foot.
 LIFTED_FOOT = dict(zip(("liftoff", "alpha", "half", "half'", "duration", "contact_duration"),
                        (4.0, 42.38, -4.83, 4.1, 1.06, 1.06), strict=True))  # fmt: skip
-# A spring without stiffness joins what does not belong together: a mechanism is one that has a spring.
+# A machine has a spring and a gap: a spring without stiffness does nothing, and a mass that falls from afar lands late.
 PASSIVE_WHEEL = Mechanism(
     ("phi", "theta"),
     [Spring("phi", "0*r"), Mass("cos(theta - angle + slope)", 1.0, across="sin(theta - angle + slope)")],
@@ -61,21 +61,19 @@ SOLID_BLOCK = Mechanism(
 ARMS = Mechanism(
     ("held", "free", "far"),
     [
-        Spring("far - 2*held", "0*r"), Mass("far", 1.0), Mass("-cos(held)/2", "m", across="sin(held)/2"),
+        Mass("far", 1.0), Spring("held", "0*r"), Mass("-cos(held)/2", "m", across="sin(held)/2"),
         Mass("-cos(held)", "1 - 2*m", across="sin(held)"),
         Mass("-cos(held) - cos(free)/2", "m", across="sin(held) + sin(free)/2"),
     ],
     inertia={"held": "m/12", "free": "m/12"}, gravity=1.0, angles=("held", "free"), gap="far", parameters={"m": 0.25},
     name="two arms",
 )  # fmt: skip
-
-
 WALKER = Mechanism(
     ("stance", "swing", "torso", "far"),
     [
         Mass("far", 1.0), Mass("cos(stance)", "1 - 2*m", across="sin(stance)"),
         Mass("cos(stance) - cos(swing)", "m", across="sin(stance) - sin(swing)"),
-        Spring("torso - stance", "k*r"), Spring("torso - swing", "k*r"), Spring("far - 2*torso", "0*r"),
+        Spring("torso - stance", "k*r"), Spring("torso - swing", "k*r"),
     ],
     inertia={"torso": "inertia"}, gravity=1.0, angles=("stance", "swing", "torso"), gap="far",
     parameters={"m": 0.1, "inertia": 0.41824193818688386, "k": 0.39402694221511943}, name="two legs",
