@@ -39,6 +39,7 @@ LONG = (
         "command_line.md",
         "control.md",
         "design.md",
+        "exact_orbits.md",
         "families.md",
         "gallery.md",
         "lesson.md",

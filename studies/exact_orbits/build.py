@@ -1,8 +1,8 @@
 """Fill in the answers of the cases: python studies/exact_orbits/build.py [NAME ...] [--prove]
 
 A case's file states its equations, written by hand. This program adds the unknowns, the events, twenty states and the
-numbers, computed with 56 digits, and writes the motion as CSV. Errors are bounds: the difference from a computation
-with 66 digits plus the rounding of what is written. `check.py` checks the result.
+numbers, computed with 56 digits. It also writes the motion as CSV, and the table of the page. Errors are bounds: the
+difference from a computation with 66 digits plus the rounding of what is written. `check.py` checks the result.
 """
 
 import argparse
@@ -23,6 +23,7 @@ from studies.exact_orbits.series import CaseError, Number, Options, State, read
 from studies.exact_orbits.toolkit import proved
 
 CASES = Path(__file__).parent / "cases"
+PAGE = Path(__file__).parent / "README.md"
 DIGITS = (56, 66)  # of the two computations
 SAMPLES, LONG, SHORT = 20, 40, 20  # samples, digits of the unknowns, digits of all else
 WIDEST = 180  # characters of a line that has a whole sample
@@ -150,20 +151,35 @@ def write_table(path: Path, document: Mapping[str, Any]) -> None:
             table.writerow([time, mode, event, *(state.get(name, "") for name in names)])
 
 
+def with_table(page: str) -> str:
+    """The text of the page with a row for each case, between its two marks."""
+    rows = ["| case | subject | what moves | events | known |", "|---|---|---|---:|---|"]
+    documents = [json.loads(path.read_text(encoding="utf-8")) for path in CASES.glob("*.json")]
+    for case in sorted(documents, key=lambda case: (case["subject"], case["name"])):
+        known = ", ".join(
+            word for word, has in (("proof", case["proved"]), ("closed form", case["closed_form"])) if has
+        )
+        link = f"[{case['name']}](cases/{case['name']}.json)"
+        rows.append(f"| {link} | {case['subject']} | {case['title']} | {len(case['events'])} | {known} |")
+    head, begin, rest = page.partition("<!-- the cases -->\n")
+    _, end, tail = rest.partition("\n<!-- their end -->")
+    return "".join([head, begin, "\n", *(f"{row}\n" for row in rows), end, tail])
+
+
 def main(names: list[str], prove: bool) -> None:
-    """Fill in the named cases, or all."""
+    """Fill in the named cases, or all; or only what is proved of them."""
     for path in [CASES / f"{name}.json" for name in names] or sorted(CASES.glob("*.json")):
-        document = filled(read(path))
-        if prove and (statements := proved(path.stem)) is not None:
-            document["proved"] = statements
+        document, statements = read(path), proved(path.stem) if prove else None
+        document = document | {"proved": statements} if statements is not None else filled(document)
         path.write_text(f"{text_of(document)}\n", encoding="utf-8")
         write_table(path.with_suffix(".csv"), document)
         print(f"{document['name']}: {len(document['events'])} events, error {document['error']}")
+    PAGE.write_text(with_table(PAGE.read_text(encoding="utf-8")), encoding="utf-8")
 
 
 if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
     parser.add_argument("names", nargs="*", help="of cases; all by default")
-    parser.add_argument("--prove", action="store_true", help="prove with the toolkit what the cases state as proved")
+    parser.add_argument("--prove", action="store_true", help="fill in only what the toolkit proves of cases")
     arguments = parser.parse_args()
     main(arguments.names, arguments.prove)

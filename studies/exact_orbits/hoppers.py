@@ -12,8 +12,8 @@ from studies.exact_orbits.reader import Case
 STATES = ("y1", "v1", "y2", "v2")  # of the cases, in the order of those of the machines
 CUBIC, QUINTIC = "r + beta*r**3", "r + beta*r**3 + delta*r**5"
 TABLE = (
-    [-4.8, -4.0, -3.2, -2.4, -1.6, -0.8, 0.0, 0.4, 0.8, 1.2, 1.6, 2.0],
-    [-16.1, -10.4, -6.45, -3.75, -2.0, -0.85, 0.0, 0.41, 0.84, 1.38, 2.0, 2.8],
+    [-4.8, -4.0, -3.2, -2.4, -1.6, -0.8, 0.0, 0.6, 1.2, 1.8, 2.5, 3.4],
+    [-16.1, -10.4, -6.45, -3.75, -2.0, -0.85, 0.0, 0.62, 1.38, 2.35, 3.9, 6.6],
 )
 ROVER = {"force": "k1*r + k3*r**3", "surface_gravity": 1e-4, "rest_length": 0.6, "body_radius": 250.0}
 

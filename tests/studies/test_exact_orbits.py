@@ -2,12 +2,17 @@
 
 import json
 import math
+import re
+import shutil
 import subprocess
 import sys
+from decimal import Decimal
 from pathlib import Path
 
 import pytest
+from scipy.optimize import brentq
 
+from studies.exact_orbits.build import with_table
 from studies.exact_orbits.check import check
 from studies.exact_orbits.motion import Problem
 from studies.exact_orbits.series import CaseError, read
@@ -65,6 +70,18 @@ print(case.at(landing["guard"], t, x) > 0, case.at(landing["reset"], t, x), case
     assert rest == "True {'y2': 0, 'v2': 0} 25\n"
 
 
+def test_the_page_lists_all_cases_and_its_code_runs_by_itself(tmp_path):
+    """`build.py` writes the table."""
+    page = (FOLDER / "README.md").read_text(encoding="utf-8")
+    assert with_table(page) == page
+    code, printed = re.search(r"```python\n(.*?)```\n\n```output\n(.*?)```", page, re.DOTALL).groups()
+    shutil.copytree(FOLDER / "cases", tmp_path / "cases")
+    shutil.copy(FOLDER / "reader.py", tmp_path)
+    command = [sys.executable, "-S", "-c", code]
+    run = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=True)
+    assert run.stdout == printed
+
+
 def disagreements(paths):
     """What two programs do not agree on, of the files of some cases."""
     return [f"{path.stem}: {each}" for path in paths for both in check(path) for each in both if not each.agrees]
@@ -112,3 +129,51 @@ def test_formulas_are_not_programs():
         problem = Problem(document | {"end": text})
         with pytest.raises(CaseError, match=words):
             problem.motion()
+
+
+def test_a_ball_with_drag_bounces_as_its_closed_form_says():
+    case = json.loads((FOLDER / "cases" / "dragged_ball.json").read_text())
+    g, c = case["parameters"]["g"], case["parameters"]["c"]
+    time, speed, height = 0.0, 0.0, 1.0
+    for each in case["events"]:
+
+        def fallen(t, speed=speed, height=height):
+            return height + (speed + g / c) * (1 - math.exp(-c * t)) / c - g * t / c
+
+        duration = brentq(fallen, 1e-3 * (each["time"] - time), 2 * (each["time"] - time), xtol=1e-15)
+        time, height = time + duration, 0.0
+        speed = -case["parameters"]["e"] * ((speed + g / c) * math.exp(-c * duration) - g / c)
+        assert (time, speed) == pytest.approx((each["time"], each["after"]["v"]), rel=1e-11)
+
+
+def test_a_hop_with_one_landing_is_that_of_the_inverse_mass_ratio():
+    two, half = (read(FOLDER / "cases" / f"mass_ratio_{name}.json")["numbers"]["next"] for name in ("two", "half"))
+    assert two["value"] == half["value"]
+
+
+def test_the_loss_beside_a_graze_goes_with_the_power_four_thirds():
+    """Ten times as much on the side with a bounce; what is left goes with the power 1/3 of the distance."""
+    for name, distance in (
+        ("above_2", 1e-2),
+        ("above_4", 1e-4),
+        ("above_6", 1e-6),
+        ("above_8", 1e-8),
+        ("below_4", 1e-4),
+    ):
+        numbers = json.loads((FOLDER / "cases" / f"graze_{name}.json").read_text())["numbers"]
+        assert numbers["coefficient"]["value"] == pytest.approx(3.6169497946021460, rel=1e-15)
+        assert abs(numbers["ratio"]["value"] - 1) < 3 * distance ** (1 / 3)
+
+
+def test_what_is_proved_is_about_the_numbers_of_the_case():
+    """An enclosure of alpha that a theorem states has the root of the second program inside."""
+    proved = 0
+    for path in CASES:
+        case = read(path)
+        for each in case["proved"]:
+            found = re.search(r"; alpha in \[([-\d.]+), ([-\d.]+)\]", each["statement"])
+            if found and "alpha" in case["unknowns"] and path.stem != "table_hop":  # of rounded coefficients
+                low, high = map(Decimal, found.groups())
+                assert low <= Decimal(case["unknowns"]["alpha"]["value"]) <= high, path.stem
+                proved += 1
+    assert proved > 15
