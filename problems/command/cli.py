@@ -145,7 +145,7 @@ def find_command(
             at=options.named_values(prescribed, "--at") or own.get("at"),
         )  # fmt: skip
     if isinstance(orbit, Oscillation) and (animate or export or explain):
-        raise InputError("--animate, --export and --explain are of hops, not of oscillations")
+        raise InputError("--animate, --export and --explain are for hops, not for oscillations")
     options.write(orbit, as_json, plot, animate, save, export)
     if explain and not as_json:
         from orbits.tables import wrapped
@@ -206,7 +206,7 @@ def prove_command(
     from orbits.returns import prove_fixed_point
 
     if (inject is None) != (near is None) or ((loss or attraction) and inject is not None):
-        raise InputError("--inject EPS and --near ALPHA go together, and without --loss and --attraction")
+        raise InputError("give --inject EPS and --near ALPHA together, and leave out --loss and --attraction")
     if (tune or prescribed) and (inject is not None or along is not None):
         raise InputError("--tune and --at are for one orbit: they go with neither --along nor --inject")
     if hop is not None and (inject is not None or along is not None):
@@ -215,7 +215,7 @@ def prove_command(
     if along is not None or start is not None or stop is not None:
         if along is None or stop is None or intervals or loss or attraction or inject is not None:
             others = "--between, --loss, --attraction, --inject"
-            raise InputError(f"--along NAME needs --to B, and goes with --from A and with none of {others}")
+            raise InputError(f"--along NAME needs --to B and may have --from A: leave out {others}")
         proof = options.proved_curve(along, (start, stop), family, stated, digits=digits, limit=limit)
     elif inject is not None and near is not None:
         machine = options.machine_of(**options.with_middles(stated, intervals))
@@ -424,14 +424,14 @@ def return_map(
     if along is not None:
         if cobweb is not None or whole or basins or start is None or stop is None or speeds is None or len(speeds) < 2:
             raise InputError(
-                "--along needs --from V, --to W and a range --alpha A:B:N, and has no --cobweb or --all or --basins"
+                "--along needs --from V, --to W and a range --alpha A:B:N: leave out --cobweb, --all and --basins"
             )
         settings = {"inject": inject, "cap": cap, "attractor": attractor}
         diagram = options.diagram_of(along, (start, stop), speeds, hop, stated, settings)
         options.write(diagram, as_json, plot, save=save)
         return
     if any(each is not None for each in (start, stop, attractor)) or (save is not None and not basins):
-        raise InputError("--from, --to, --attractor and --save go with --along NAME, and --save with --basins too")
+        raise InputError("--from, --to and --attractor need --along NAME, and --save needs --along NAME or --basins")
     machine = options.machine_of(**stated)
     if basins:
         others = cobweb is not None or whole or hop is not None
@@ -471,7 +471,7 @@ def _basins(step: "ReturnMap", speeds: Any, others: bool) -> Any:
     from orbits.errors import InputError
 
     if others or speeds is None or len(speeds) < 2:
-        raise InputError("--basins needs a range --alpha A:B:N, and has no --cobweb, --all or --start")
+        raise InputError("--basins needs a range --alpha A:B:N: leave out --cobweb, --all and --start")
     with options.progress() as report:
         return step.basins(float(speeds[0]), float(speeds[-1]), progress=report)
 
@@ -613,9 +613,9 @@ def sweep_command(
 
     axes, table = options.swept_members(over, designs)
     if table is not None and samples is not None:
-        raise InputError("--samples draws members; --from has them already")
+        raise InputError("--samples draws members, but --from lists them: leave one out")
     if resume and store is None:
-        raise InputError("--resume goes on with a store: give --store FILE too")
+        raise InputError("--resume continues a store: give --store FILE too")
     stated, tuned = options.with_tuned(stated, tune)
     machine = options.machine_of(**options.with_first_values(stated, axes, table))
     result = sweep(

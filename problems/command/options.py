@@ -235,7 +235,7 @@ def event_of(event: str | None, second: str | None) -> tuple[str | dict[str, flo
     if event is None and second is None:
         return None
     if event is None or second is None:
-        raise InputError("an event is followed by --event EVENT with --second NAME=STOP")
+        raise InputError("to follow an event, give both --event EVENT and --second NAME=STOP")
     name, equals, stop = second.partition("=")
     if not equals:
         raise InputError(f"--second {second!r} is not of the form NAME=STOP")
@@ -329,8 +329,8 @@ def started(machine: "MachineOfFile", hop: str | None) -> str | None:
     if hop is None and not ((model := machine.model).one_speed or model.sticks):
         names = ", ".join(model.launch_unknowns)
         raise InputError(
-            f"a launch of this {model.name} has several numbers, {names}: give --start FILE, an orbit of it that is "
-            "saved, as one of find_all(machine, starts(machine)) in Python is by its save(FILE)"
+            f"a launch of this {model.name} has several numbers, {names}: give --start FILE, a saved orbit of it; in "
+            "Python find_all(machine, starts(machine)) finds orbits, and save(FILE) saves one"
         )
     return hop
 
@@ -491,7 +491,7 @@ def proved_curve(
     with progress() as report:
         followed = follow(machine, along, stop, start, family, progress=report)
     if followed.end.kind != "reached":
-        raise NoOrbit(f"the family does not come to {along} = {stop:g}: {followed.end.kind}, {followed.end.reason}")
+        raise NoOrbit(f"the family does not reach {along} = {stop:g}: {followed.end.kind}, {followed.end.reason}")
     return followed.prove(machine, continuous=True, **requested)
 
 
@@ -524,7 +524,7 @@ def statement_of(
         statement, where = read(machine), machine
     if masses is not None:
         if statement.get("machine") in STEPPING:
-            raise InputError(f"--masses {masses!r} are of machines that hop: a {statement['machine']} is in SI by [si]")
+            raise InputError(f"--masses {masses!r} are for hopping machines: a {statement['machine']} is in SI by [si]")
         if machine == where and "si" not in statement:
             raise InputError(f"--masses {masses!r}: {where} states a machine without units; give it a table [si]")
         if len(each := numbers("--masses", masses, float)) != 2:

@@ -119,13 +119,13 @@ def _number_in_link(name: str, text: str) -> float:
     try:
         return float(text)  # the scene refuses numbers that are not finite
     except ValueError:
-        raise InputError(f"'{name[:40]}' of the link is {text[:40]!r}, no number") from None
+        raise InputError(f"'{name[:40]}' of the link is {text[:40]!r}, not a number") from None
 
 
 def _whole_in_link(name: str, text: str) -> int:
     value = _number_in_link(name, text[:40])
     if not value.is_integer():
-        raise InputError(f"'{name[:40]}' of the link is {text[:40]!r}, no whole number")
+        raise InputError(f"'{name[:40]}' of the link is {text[:40]!r}, not a whole number")
     return int(value)
 
 

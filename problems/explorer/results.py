@@ -204,7 +204,7 @@ def _run_led_to(machine: Machine, scene: Scene) -> Orbit:
             step /= 2
         if share == 1:
             return run
-    raise NoOrbit(f"no run is found from the run before, nor from the hop on the spot: {reason}")
+    raise NoOrbit(f"no run is found from the previous run or from the hop in place: {reason}")
 
 
 # The run found last and its scene, from which one of numbers that are far away is reached.

@@ -332,7 +332,7 @@ class Scene:
             statement = self.statement()
             return build({**statement, "spring": self.rows.law(self.si)} if self.rows else statement, "this machine")
         if self.machine == PYTHON_MACHINE and python_machine is None:
-            raise InputError("this link is of a machine made in Python: open it from the page that shows the machine")
+            raise InputError("this link needs a machine made in Python: open it from the page that shows the machine")
         base = python_machine if self.machine == PYTHON_MACHINE else _with_its_own_laws(self.machine)
         return base.with_values(**{name: value for name, value in self.numbers.items() if name != "restitution"})
 
@@ -400,7 +400,7 @@ def _scene_of_runner(machine: Machine) -> Scene:
     numbers = {SPEED_OF_RUN: BEGINNINGS[RUNNER, si]["numbers"][SPEED_OF_RUN], **machine.values}
     scene = Scene(RUNNER, si, LINEAR_IN_SI, numbers=numbers, along=SPEED_OF_RUN).complete()
     if {**scene.build().describe()} != {**machine.describe()}:
-        raise InputError("the page tunes the numbers of a `problems.runner` with plain springs: find(tune=) of others")
+        raise InputError("the page tunes only a `problems.runner` with plain springs: call find(tune=) for others")
     return scene
 
 

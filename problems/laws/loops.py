@@ -89,7 +89,7 @@ def zero_of(mean: Law) -> float:
         changes = np.flatnonzero((force[:-1] < 0) & (force[1:] >= 0))
         if mean.pieces is None:
             where = f"'{mean.text}' is {float(mean(zero)):g} at r = {zero:g}"
-            raise InputError(f"{where}: a loss factor is that of a spring unloaded there; state its two branches")
+            raise InputError(f"{where}: a loss factor needs a spring that is unloaded there; state its two branches")
         if len(changes) == 1:
             i = int(changes[0])
             zero = float(bracketed_root(lambda x: float(mean(x)), r[i], r[i + 1], float(force[i]), float(force[i + 1])))

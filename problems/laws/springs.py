@@ -336,7 +336,7 @@ def lossy(
     law = as_spring(mean, parameters, shared=True)
     _refuse_unused(parameters, law.parameters)
     if (loss_factor is None) == (loop_area is None) or (loop_area is None) != (between is None):
-        raise InputError("a lossy spring has a loss_factor, or a loop_area with the extensions `between` which it is")
+        raise InputError("a lossy spring has a loss_factor, or a loop_area with the extensions `between` which it lies")
     if loss_factor is None:
         assert loop_area is not None  # and between, as was checked
         assert between is not None

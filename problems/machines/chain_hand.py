@@ -54,7 +54,7 @@ def chain_hand(
     names = ["ball", "hand", *(f"y{i}" for i in range(3, len(own) + 1))]
     laws = springs if isinstance(springs, list | tuple) else [springs] * (len(names) - 1)
     if len(laws) != len(names) - 1:
-        raise InputError(f"a hand of {len(names) - 1} masses has as many springs, not {len(laws)}")
+        raise InputError(f"a hand of {len(names) - 1} masses has {len(names) - 1} springs, not {len(laws)}")
     extensions = [*(f"{upper} - {lower}" for upper, lower in pairwise(names[1:])), names[-1]]
     return Mechanism(
         name=f"juggler with a hand of {len(names) - 1} masses",

@@ -207,7 +207,7 @@ def _stepping_machine(kind: str, statement: dict[str, Any]) -> Mechanism:
     known = [name for name in own_names if name in signature(STEPPING[kind]).parameters]
     apart = {name: statement[name] for name in OWN_KEYS if name in statement and name in known}
     if other := [name for name in statement if name in KEYS and name not in (*KEYS_OF_STEPS, *apart)]:
-        raise InputError(f"'{other[0]}' is of machines that hop: a {kind} has {', '.join(known)} and a spring")
+        raise InputError(f"'{other[0]}' belongs to machines that hop: a {kind} has {', '.join(known)} and a spring")
     values, own = dict(statement.get("parameters", {})), statement.get("si")
     if both := [name for name in apart if name in (values if own is None else own)]:
         raise InputError(f"'{both[0]}' is stated twice")

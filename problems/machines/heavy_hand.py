@@ -14,8 +14,8 @@ from .two_masses import TwoMassMachine
 
 
 class HeavyHand(TwoMassMachine):
-    """Ball on a hand of infinite mass, which the ball cannot slow down; see `TwoMassMachine` for the arguments, except
-    mass ratio, damping and drag, which it does not take.
+    """Ball on a hand of infinite mass, which the ball cannot slow down. The arguments are those of `TwoMassMachine`
+    without mass ratio, damping and drag.
 
     The energy of the hand alone is conserved, from lift-off to lift-off and through every impact. So every launch that
     ends in sustained contact is followed by a launch at the same speed; the others bounce forever. For a linear

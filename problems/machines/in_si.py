@@ -52,19 +52,18 @@ def hopper_in_si(
     """A hopper in SI, whose results are in SI; its masses, lengths and coefficients are parameters like any other.
 
     body_mass, foot_mass : kg
-    force : a spring law in N of the extension in m, stated in any of the ways of `springs.as_spring`; a table's header
-        may name other units of length and force
+    force : a spring law in N of the extension in m, in any form that `springs.as_spring` accepts; a table's header may
+        name other units of length and force
     stiffness : of a linear spring, N/m, or of a named law or a formula that has this parameter; with another `force`
-        only where that has no slope at rest to define the units
+        only if its slope at rest is 0 and cannot define the units
     rest_length : of the spring, m
-    surface_gravity : m/s^2, where gravity's ratio is 1
+    surface_gravity : m/s^2, at the place where gravity's ratio is 1
     body_radius : m, radius of the sphere whose gravity decreases with height
     gravity : instead of body_radius, a ratio as a law of the height in m
     restitution : of the impacts, 0 <= e <= 1
     damping, drag : coefficients of the damper in parallel with the spring and of the drag on each mass, N s/m
     parameters : values of the formulas' other names, in SI
-    ground : a `Ground` that yields, its mass in kg and its spring in N of m, or a stiffness in N/m; None for rigid
-        ground
+    ground : a compliant `Ground`, its mass in kg and its spring in N of m, or a stiffness in N/m; None for rigid ground
 
     Returns a `MachineInSI`. Raises `InputError`, which names the invalid argument.
 

@@ -42,7 +42,7 @@ def inerter_hopper(
     spring : a law of `problems.springs`, or a formula of the extension r, whose other names are `parameters`
     body_mass, foot_mass, inertance : masses of body and foot, and inertance of the flywheel
     surface_gravity : acceleration of gravity, which is constant
-    rest_length : of the spring; None where the masses are assumed never to meet
+    rest_length : of the spring; None if the masses are assumed never to meet
     restitution : of the foot's impacts, 0 <= e <= 1
     parameters : values of the spring's names
     in_si : whether all numbers are in kg, m and s; else they are in any consistent units

@@ -46,14 +46,14 @@ def knee_hopper(
         whose names other than the stiffness are `parameters`
     body_mass, foot_mass : in kg
     link : length of each link in m
-    stiffness : of the knee in N m/rad, 600 where the torque has it
+    stiffness : of the knee in N m/rad, 600 by default if the torque has it
     rest_angle : of the knee where its spring is unloaded, in rad, between 0 and pi
     surface_gravity : in m/s^2
     restitution : of the foot's impacts, 0 <= e <= 1
     parameters : values of the torque's names
 
-    The launch speed is that of the knee, in rad/s. The knee carries the body somewhere where its torque, folded, is
-    above body_mass * surface_gravity * link: from a stiffness of 102 N m/rad on for these numbers.
+    The launch speed is that of the knee, in rad/s. The knee can carry the body if the torque of the folded knee is
+    above body_mass * surface_gravity * link; for these numbers this needs a stiffness of 102 N m/rad or more.
 
     >>> from orbits import find
     >>> from problems import knee_hopper

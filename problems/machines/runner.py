@@ -57,22 +57,22 @@ def runner(
 ) -> Mechanism:  # fmt: skip
     """A body on a sprung leg with a hip spring and a massive foot, which runs in the plane.
 
-    foot_mass, body_mass : in kg where all is in SI; the foot is on the leg's lower end, the body's mass at the hip
+    foot_mass, body_mass : in kg if all is in SI; the foot is at the leg's lower end, the body's mass at the hip
     rest_length : of the leg
     inertia : of the body about the hip
-    stiffness, hip_stiffness : of the leg's and of the hip's spring, where its law has them. Without units the defaults
-        of these numbers are 0.1 and 1, 3.7, 5.7, 1 and 5.4; in SI each is stated
+    stiffness, hip_stiffness : of the leg's and of the hip's spring, if their laws have them. Without units the defaults
+        of these numbers are 0.1 and 1, 3.7, 5.7, 1 and 5.4; in SI each must be stated
     surface_gravity : 1, or in SI 9.80665 m/s^2, where it is None
     spring : the force of the leg, a law of its extension r: one of `problems.springs`, or a formula whose names other
         than the stiffness are `parameters`
     hip_spring : the torque of the hip, an odd law of r = phi - theta
-    friction : the coefficient of friction, where one that is needed above it violates an orbit; None for any
-    in_si : whether all numbers are in SI; else they are in any units that fit together
+    friction : the coefficient of friction; an orbit that needs more violates it. None for any
+    in_si : whether all numbers are in SI; otherwise they are in any consistent units
     parameters : values of the names in both springs' laws
 
-    The launch speed is that at which the leg extends at lift-off. An orbit is one up to a move along the ground, and
-    goes on by its `step`. Raises `InputError` for numbers that no runner has, for missing numbers in SI, and for a hip
-    whose spring is not odd.
+    The launch speed is the rate at which the leg extends at lift-off. An orbit is periodic up to a translation by its
+    `step` along the ground. Raises `InputError` for numbers that no runner has, for missing numbers in SI, and for a
+    hip whose spring is not odd.
 
     >>> from problems import runner
     >>> machine = runner(foot_mass=0.1, rest_length=3.7)

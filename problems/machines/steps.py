@@ -97,8 +97,8 @@ def rimless_wheel(
     share : mass * length**2/A, above 0 and at most 1, of a wheel without units. Friction and landings with a speed
         depend on it, lossless steps do not. By default it is 1, all mass at the hub; a standing foot that lifts is then
         not a violation, because the foot does not lift in a wheel of a small share
-    friction : the coefficient of friction, where one that is needed above it violates an orbit; None for any. Of a
-        wheel without units and small angles that which is needed is in units of a
+    friction : the coefficient of friction; an orbit that needs more violates it. None for any. For a wheel without
+        units and small angles the needed friction is in units of a
     surface_gravity : of a wheel in SI, in m/s^2; None for 9.80665
     parameters : values of the spring's names
 
@@ -157,7 +157,7 @@ def rocking_block(
     inertia : A about an edge, without the inner body's own, at least mass * (b**2 + h**2), in kg m^2
     gravity_ratio : mass * surface_gravity * h/stiffness, of a block without units
     angle : a with tan(a) = b/h, in rad, of a block without units; None for small angles, in units of b/h
-    share : mass * (b**2 + h**2)/A of a block without units, else as in `rimless_wheel`
+    share : mass * (b**2 + h**2)/A of a block without units, otherwise as in `rimless_wheel`
     body_inertia, stiffness, spring, inertia_ratio, friction, surface_gravity, parameters : as in `rimless_wheel`
 
     >>> from orbits import find
@@ -198,7 +198,7 @@ def shuttle(
     spring: LawLike | None = None, inertia_ratio: float | None = None, gravity_ratio: float | None = None,
     surface_gravity: float | None = None, parameters: Mapping[str, float] | None = None,
 ) -> Mechanism:  # fmt: skip
-    """A pendulum upside down with a body on a torsion spring, which shuttles between two walls without loss.
+    """An inverted pendulum with a body on a torsion spring, which shuttles between two walls without loss.
 
     inertia : A about the hinge, without the inner body's own, in kg m^2; with it all numbers are in SI
     angle : a, half the angle between the walls, in rad; without units None is for small angles, in units of a

@@ -181,7 +181,7 @@ def scales_of(
             scales.append(known[i % 2][spelled if i < 2 else spelled.lower()])
     if len(set(twisted)) > 1:
         both = " and ".join(unit.strip(" []()") for unit in units)
-        raise InputError(f"{where}: {both} belong to two kinds of springs: mm and N go together, deg and N m do")
+        raise InputError(f"{where}: {both} belong to two kinds of springs: use mm with N, or deg with N m")
     return (scales[0], scales[1]), (("", "") if not in_si else SI_UNITS[twisted[0]])
 
 
@@ -191,7 +191,7 @@ def _sense(where: str, headers: Sequence[str]) -> float:
     for header, other, is_compressed in zip(headers, headers[::-1], compressed, strict=True):
         if not is_compressed and any(compressed) and not TENSILE.isdisjoint(words_of(header)):
             both = f"{short(header.strip())!r} and {short(other.strip())!r}"
-            raise InputError(f"{where}: {both} count opposite ways: turn one column and its name round")
+            raise InputError(f"{where}: {both} have opposite signs: reverse one column and its name")
     return -1.0 if any(compressed) else 1.0
 
 

@@ -79,8 +79,8 @@ def fit(
     if best is None or not best.misfit <= FIT.unlike:
         off = reason if best is None else f" (the nearest one is off by {best.misfit:.0%} of its range)"
         raise NoOrbit(
-            f"no motion of the machine is like the record{off}: state values that are nearer to the machine's, within "
-            "a third of them, and check the units and the signs of the columns"
+            f"no motion of the machine resembles the record{off}: state values that are nearer to the machine's, "
+            "within a third of them, and check the units and the signs of the columns"
         )
     return _result(best, records)
 
@@ -106,7 +106,7 @@ def _checked_names(machine: Machine, unknown: str | Sequence[str]) -> tuple[str,
         near = suggest(str(wrong[0]), known)
         raise InputError(f"the machine has no parameter {wrong[0]!r}{near} It has {', '.join(known)}")
     if len({*names}) < len(names):
-        raise InputError(f"unknown = {names}: a name stands there twice")
+        raise InputError(f"unknown = {names}: a name occurs twice")
     return names
 
 
@@ -133,7 +133,7 @@ def _question(
     biased = [name in offsets if offsets is not None else own[name].dimension == LENGTH for name in own]
     delayed = [name in delays for name in own]
     if all(delayed):
-        raise InputError(f"delays = {tuple(delays)}: one channel has none, so that the others are late against it")
+        raise InputError(f"delays = {tuple(delays)}: leave one channel out; delays are relative to it")
     deviations = [number(f"noise of {name}", stated[name], low=0) if name in stated else np.nan for name in own]
     samples = [_samples(name, records) for name in own]
     count, needed = sum(len(each.values) for each in samples), FIT.fewest * (len(names) + 4 * len(records))

@@ -75,12 +75,12 @@ class Actuated(Stated):
     """A machine with an actuator, as `simulate` takes it; the last state is the displacement of a spring's end, or the
     force.
 
-    machine : a `Hopper`, a `Juggler`, a `Mechanism`, or any other machine that one states, as a `Chain`; one in SI is
-        stored without units
+    machine : a `Hopper`, a `Juggler`, a `Mechanism`, or any other machine that a mechanism states, such as a `Chain`; a
+        machine in SI is stored without units
     actuator : by default it moves the end of the only spring
     units : of the machine in SI, None for a dimensionless one
 
-    Raises `InputError` for a machine that no mechanism states, for laws with hysteresis, and for an actuator that does
+    Raises `InputError` for a machine without a mechanism, for laws with hysteresis, and for an actuator that does
     not fit the machine.
     """
 

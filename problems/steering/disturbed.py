@@ -157,7 +157,7 @@ def _pushed(
         rest = simulate(machine, state=first(now) + jump, hops=left, schedule=_later(schedule, now))
         if [leg.phase for leg in (*first.legs[-1:], *rest.legs[:1])] != ["flight", "contact"]:
             return _one_after_other(first, rest)
-    raise InputError(f"push at {time:g}: it falls into a landing; push a little earlier or later")
+    raise InputError(f"push at {time:g}: it coincides with a landing; push a little earlier or later")
 
 
 def _later(schedule: Inputs, time: float) -> Inputs:

@@ -39,7 +39,7 @@ PERIODIC = 1e-6  # states that differ by less, relative to their size, are the s
 
 @dataclass(frozen=True, repr=False)
 class Driven(Control, what="motion of a driven machine"):
-    """A `Control` of a machine with an actuator, as `problems.steering` finds it.
+    """A `Control` of a machine with an actuator, from `problems.steering`.
 
     Called with times (...) it returns flight states (..., n), as `Simulation` and `Orbit` do; the last one is the
     displacement of a spring's end, or the force.

@@ -32,12 +32,12 @@ OF_LAUNCHES: Mapping[str, Dimension] = {**LAUNCH_CONDITIONS, "short": LIFTOFF_SP
 
 @dataclass(frozen=True, repr=False)
 class DrivenFamily(OptimalFamily, what="family of motions of a driven machine"):
-    """An `OptimalFamily` of motions of a machine with an actuator; `at` gives the `Driven` of the machine there.
+    """An `OptimalFamily` of motions of a machine with an actuator; `at` returns the `Driven` of the machine there.
 
     source : the machine without its actuator, at the first value; in SI the numbers are in SI
     actuator : the `Actuator`
     minimised : "effort", "work" or "peak"; the last two with the effort that `keep_hopping` adds, and work rounded as
-        at the first motion. The motions that `at` gives have costs without either
+        at the first motion. The motions of `at` have costs without either
     """
 
     source: Any = field(kw_only=True)
@@ -114,7 +114,7 @@ def _check_number(
         raise InputError(f"'{name}' is not a number of the motion; there are: {', '.join(numbers)}")
     if driven.actuated.has_corners:
         raise InputError(
-            "the law of the spring has corners, which the motion would pass in another order: find each hop"
+            "the law of the spring has corners, and the motion may pass them in another order: find each hop"
         )
     aim = driven.parameters["aim"] if name == "short" and name in launch else np.inf
     if abs(numbers[name] - to) <= (OF_THE_ORBIT * aim if aim < np.inf else 0.0):
@@ -122,7 +122,7 @@ def _check_number(
     if name in launch and aim == np.inf and not to > 0:
         raise InputError(f"to = {to:g}: a hop has a {name} above 0")
     if not to < aim:
-        raise InputError(f"to = {to:g}: the launch speed that is aimed at is {aim:.6g}, and some of it is to be left")
+        raise InputError(f"to = {to:g} leaves no launch speed: it lies below the speed of the target, {aim:.6g}")
 
 
 def _fixed_parameters(
@@ -152,17 +152,17 @@ def _fixed_parameters(
     ends = [at(first), at(last)]
     sizes = [each.units for each in ends]
     if sizes[0] != sizes[1]:
-        raise InputError(f"with {name} the machine's units change: follow that of the machine without units")
+        raise InputError(f"with {name} the machine's units change: follow the machine without units")
     gaps = [each.model.gap(each.values) for each in ends]
     if ends[0].drive != ends[1].drive or gaps[0] != gaps[1]:
         raise InputError(f"with {name} the machine's equations change, not only their numbers: find each hop")
     if "aim" in known and undamped(ends[0].machine).values != undamped(ends[1].machine).values:
-        raise InputError(f"with {name} the lossless orbit changes that is aimed at: find each motion")
+        raise InputError(f"with {name} the target orbit changes: find each motion")
     landing = f"the condition at the end of stage 1 ({problem.stages[0].phase.name})"
     if not (launch or "aim" in known or ends[1].damped) and problem.labels.count(landing) == 1:
         raise InputError(
-            f"to {name} = {last:g}: where the landing is free the time of flight moves like the cube root of the "
-            "damping, and at 0 it is lossless, where the optimality conditions are singular: follow to a number above 0"
+            f"to {name} = {last:g}: with a free landing the optimality conditions are singular at 0, where the "
+            "landing is lossless: follow to a number above 0"
         )
     if "height" in launch:
         check_free_fall(ends[1], bare(np.linspace(0.0, bare.legs[0].duration, 5))[:, :-1])

@@ -78,7 +78,7 @@ def rest_in_contact(driven: Actuated, orbit: Orbit) -> dict[str, float]:
     found = root(acceleration, (low + high)[: 2 * len(names) : 2] / 2, tol=1e-14)
     # At a tolerance of rounding the method may say that it makes no progress where it has arrived.
     if not np.abs(found.fun).max() <= AT_REST:
-        raise NoOrbit("the machine has no rest in contact near the hop from which it could be started")
+        raise NoOrbit("the machine has no state of rest in contact near the hop from which to start it")
     return dict(zip(names, found.x.tolist(), strict=True))
 
 

@@ -141,28 +141,28 @@ def keep_hopping(
     cost : "effort"; "work", the actuator's positive work; or "peak", the largest rate, or for a force its largest
         value. The last two are minimised with a small multiple of the effort added, and work is
         smoothed (`ROUNDINGS`); the `cost` of the result is without either
-    lossless : whether the landing has to be lossless; else it is plastic, see the module
+    lossless : whether the landing has to be lossless; otherwise it is plastic, see the module
     speed, height : prescribe the launch, by its speed or by the rise of the centre of mass in flight above its place at
         lift-off; both are left free by default
     period : prescribe the duration of flight and contact together; free by default
     intervals : number of intervals of flight and contact together; the actuator's rate is constant on each. With
         few, about 12, the contact force after a lossless landing may be too small for a solution to be found
-    rate : bound of the rate of the actuator's state, of the end of a spring or of a force; no least work exists without
-    stroke : bound of its displacement, in both directions: from the one at lift-off, or for a force, of the distance
-        along which it acts, from where the machine rests with its springs unloaded
-    force, power : bounds of its force, which is that in the spring for a spring's end, and of its power
+    rate : bound of the rate of the actuator's state, of the end of a spring or of a force; least work needs this bound
+    stroke : bound of its displacement, in both directions, measured from lift-off; for a force, bound of the distance
+        along which it acts, measured from the place where the machine rests with its springs unloaded
+    force, power : bounds of its force, which for a spring's end is the spring's force, and of its power
     speed_force : (v0, F0) of a motor at a bounded voltage: with v the speed at which it moves along its way, its force
-        F lies between -F0 (1 + v/v0) and F0 (1 - v/v0). So it drives with F0 (1 - |v|/v0) at most, and faster than v0
-        it can only brake
-    start : the lossless orbit without damping near which the machine is kept, or a start of `find` that leads there, as
-        its file; by default it is found. A machine whose launch is more than a speed needs it
+        F lies between -F0 (1 + v/v0) and F0 (1 - v/v0). So it drives with F0 (1 - |v|/v0) at most, and above v0 it can
+        only brake
+    start : the lossless orbit without damping near which the machine is kept, or a start of `find` that leads there,
+        such as its file; by default it is found. A machine whose launch has several numbers needs it
     guess : the result for a machine nearby
-    progress : called with the share that is done, as in `steer`
+    progress : called with the fraction that is done, as in `steer`
 
-    The stages are a flight from lift-off and the contact after it. A machine without losses needs no control where its
-    launch is not prescribed, or is that of its lossless orbit: the result is that orbit, whatever the arguments. A hop
-    far from that orbit is reached by `follow` in its speed. Numbers are in the machine's units. Raises the errors of
-    `steer` and `find`, and `InputError` for a height where the launch does not fix it (`prescribed`).
+    The stages are a flight from lift-off and the contact after it. A machine without losses needs no control if its
+    launch is not prescribed, or is that of its lossless orbit: the result is then this orbit for all arguments. Reach a
+    hop far from that orbit by `follow` in its speed. Numbers are in the machine's units. Raises the errors of `steer`
+    and `find`, and `InputError` for a height that the launch does not fix (`prescribed`).
 
     >>> from problems import Hopper, steering
     >>> round(steering.keep_hopping(Hopper(damping=0.01)).cost / 0.01**2, 1)
@@ -171,7 +171,7 @@ def keep_hopping(
     if cost not in ("effort", "work", "peak"):
         raise InputError(f"cost = {cost!r}; it is 'effort', 'work' or 'peak'")
     if cost == "work" and rate == np.inf:
-        raise InputError("least positive work is done by jerks: give the largest rate")
+        raise InputError("positive work has no minimum without a bound of the rate: give the largest rate")
     bounds = {"rate": rate, "stroke": stroke, "force": force, "power": power, "speed_force": speed_force}
     hop = _hop(_actuated(machine, actuator), family, start, lossless, intervals, bounds)
     hop = replace(hop, prescribed=prescribed_hop(hop.driven, hop.orbit, speed=speed, height=height, period=period))
@@ -195,9 +195,9 @@ def recover(
 ) -> Control:  # fmt: skip
     """Bring a machine back to its lossless launch speed in one hop, with locally least effort.
 
-    short : the lossless launch speed, or that of the aim, minus that of the first lift-off; below 0 the launch is too
-        fast. Of a launch that is more than a speed, the other unknowns are those of the aim
-    aim : the result of `keep_hopping` for the machine, whose lift-off is then reached in place of the lossless one
+    short : the lossless launch speed, or the speed of the aim, minus the speed of the first lift-off; below 0 the
+        launch is too fast. If a launch has several numbers, its other unknowns are those of the aim
+    aim : the result of `keep_hopping` for the machine; the motion then ends at its lift-off, not at the lossless one
 
     The actuator's state is 0 at both lift-offs. Further arguments and errors are as in `keep_hopping`.
 
@@ -212,7 +212,7 @@ def recover(
     reached = _aim(driven, hop.orbit, aim)
     launch = reached["alpha"] - finite_number("short", short)
     if not launch > 0:
-        text = "short = {short:g}: the lossless launch speed is {whole:.6g}, and some of it is to be left"
+        text = "short = {short:g} leaves no launch speed: it lies below the lossless one, {whole:.6g}"
         whole = Quantity(reached["alpha"], LIFTOFF_SPEED)
         raise InputError(Message(text, short=Quantity(short, LIFTOFF_SPEED), whole=whole))
     first = launched_at(driven, reached, launch)
@@ -237,7 +237,7 @@ def start_up(
         off in the last one
     intervals : of each half swing
     aim : the result of `keep_hopping` for the machine: the start then ends in the state in which that hop begins, so
-        that its inputs keep the machine hopping; without it, in the launch of the lossless orbit
+        that its inputs keep the machine hopping; by default it ends in the launch of the lossless orbit
     actuator, rate, stroke, force, power, speed_force, family, start, progress : as in `keep_hopping`
 
     The actuator's state is 0 at both ends. Raises `InputError` for an invalid number of pumps, and the errors of
@@ -354,9 +354,9 @@ class _Hop:
         deep, turns = turns_of_leg(result.legs[0], extension)
         if deep > most + slack or turns < fewest - slack:
             raise NoOrbit(
-                f"the extension turns {turns} times in the flight that is found, that of family {self.orbit.family} "
-                f"{most} times: it is another kind of hop; take guess=, the result for less damping or for a launch "
-                "nearer to the lossless one, or another number of intervals"
+                f"the extension turns {turns} times in the flight found, but {most} times in family "
+                f"{self.orbit.family}: this is another kind of hop; pass guess=, the result for less damping or for a "
+                "launch nearer to the lossless one, or another number of intervals"
             )
         return result
 
@@ -365,7 +365,7 @@ def _hop(driven: Actuated, family: int, start: Any, lossless: bool, intervals: i
     """The hop of checked arguments."""
     orbit = _lossless(driven, family, start)
     if driven.restitution > 0 and not lossless:
-        raise InputError(f"restitution = {driven.restitution:g}: it bounces where it lands plastically; set 0 for that")
+        raise InputError(f"restitution = {driven.restitution:g}: the free landing is plastic: set the restitution to 0")
     intervals = whole_number("intervals", intervals, "intervals of flight and contact together", 2, MOST_INTERVALS)
     return _Hop(driven, orbit, bool(lossless), intervals, actuator_limits(driven, **bounds))
 
@@ -468,8 +468,8 @@ def _lossless(driven: Actuated, family: int, start: Any) -> Orbit:
         lossless = undamped(driven.machine)
         if not lossless.model.one_speed:
             raise InputError(
-                f"a launch of a {driven.model.name} is more than a speed: give start=, the lossless orbit of the "
-                "machine without its dampers near which to keep it, as find(machine, start=...)"
+                f"a launch of a {driven.model.name} has several numbers: give start=, a nearby lossless orbit of "
+                "the machine without its dampers, such as find(machine, start=...)"
             )
         return find(lossless, family=family)
     if isinstance(start, Mapping | str | Path):

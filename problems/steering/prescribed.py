@@ -70,14 +70,14 @@ def check_free_fall(driven: Actuated, states: Iterable[np.ndarray]) -> None:
     if not isinstance(model.heights(driven.values).get(RISING), Affine):
         raise InputError(
             f"a {model.name} has no height '{RISING}' that is a sum of its coordinates: prescribe speed= instead, or "
-            "state that among the heights= of a mechanism"
+            "state this height in heights= of the mechanism"
         )
     x = ca.SX.sym("x", len(model.flight.states))
     deceleration = ca.Function("deceleration", [x], [-_motion_of_centre(model, ca.vertsplit(x), driven.values)[1]])
     found = np.array([float(deceleration(np.append(y, moved))) for y in states for moved in (0.0, 1.0)])
     if not found.min() > 0 or np.ptp(found) > FREE_FALL * found.max():
         raise InputError(
-            "in flight more than gravity acts on the centre of mass, so that the launch does not fix its rise: "
+            "in flight other forces than gravity act on the centre of mass, so the launch does not fix its rise: "
             "prescribe speed= instead"
         )
 

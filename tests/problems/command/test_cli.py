@@ -660,7 +660,7 @@ def test_an_event_is_followed_in_a_second_parameter(orbits):
     document = orbits(f"{family} --event alpha=3.2 --second mass_ratio=2 --json").document
     assert (document["along"], document["settings"]["event"]) == ("mass_ratio", "alpha = 3.2")
     assert document["points"][-1]["alpha"] == pytest.approx(3.2, abs=1e-12)
-    assert "with --second NAME=STOP" in orbits(f"{family} --event fold").err
+    assert "and --second NAME=STOP" in orbits(f"{family} --event fold").err
 
 
 class TestEnergy:
@@ -677,4 +677,4 @@ class TestEnergy:
         assert abs(found["period"] - 8.885765876316732) < 1e-13
         refused = orbits("find --at energy=1 --animate hop.gif")
         assert refused.code == 2
-        assert "--animate, --export and --explain are of hops, not of oscillations" in refused.err
+        assert "--animate, --export and --explain are for hops, not for oscillations" in refused.err

@@ -219,8 +219,8 @@ class TestSteps:
             ("--machine wheel --set inertia_ratio=0", "inertia_ratio = 0; it must lie above 0"),
             ("--machine wheel --set angle=2", "angle = 2; it must lie above 0 and below 1.5708"),
             ("--machine rocker --set gravity_ratio=0", "gravity_ratio = 0; it must lie above 0"),
-            ("--machine wheel --mass-ratio 2", "'mass_ratio' is of machines that hop: a wheel has inertia_ratio"),
-            ("--machine wheel --masses 1,2", "are of machines that hop: a wheel is in SI by [si]"),
+            ("--machine wheel --mass-ratio 2", "'mass_ratio' belongs to machines that hop: a wheel has inertia_ratio"),
+            ("--machine wheel --masses 1,2", "are for hopping machines: a wheel is in SI by [si]"),
             ("--machine shuttle --spring 'r + r**2'", "state an odd law"),
             (
                 "--machine wagon",

@@ -82,7 +82,7 @@ def test_they_are_stated_in_text_and_in_files(tmp_path):
         (lambda: springs.lossy("r", loop_area=0.1, between=(1, 1)), r"between = \(1, 1\)"),
         (lambda: springs.lossy("r", loop_area=0.1, between=3), "between = 3; it is the two extensions"),
         (lambda: springs.lossy("r", loop_area=9.0, between=(0, 1)), "from 0 to below 2/pi"),
-        (lambda: springs.lossy("r + 1", loss_factor=0.1), "is 1 at r = 0: a loss factor is that of a spring unloaded"),
+        (lambda: springs.lossy("r + 1", loss_factor=0.1), "is 1 at r = 0: a loss factor needs a spring that is"),
         (lambda: springs.lossy("-r", loss_factor=0.1), "pulls away from rest"),
         (lambda: springs.lossy("loss_factor*r", loss_factor=0.1), "has no parameter|loss_factor"),
         (lambda: springs.as_spring("lossy:r"), "needs the loss_factor of its loop: set loss_factor=VALUE"),

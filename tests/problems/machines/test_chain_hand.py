@@ -88,7 +88,7 @@ def orbits(machine):
 def test_what_is_no_hand():
     with pytest.raises(InputError, match="from 2 to 12 masses, not 1"):
         chain_hand((1.0,))
-    with pytest.raises(InputError, match="2 masses has as many springs, not 1"):
+    with pytest.raises(InputError, match="2 masses has 2 springs, not 1"):
         chain_hand((1.0, 1.0, 1.0), ["r"])
     with pytest.raises(InputError, match="no element has a parameter 'c'"):
         chain_hand((1.0, 1.0, 1.0), "r", {"c": 1.0})

@@ -140,7 +140,7 @@ def test_files_state_runners(tmp_path):
     assert si.values["surface_gravity"] == 9.80665
     with pytest.raises(InputError, match=r"in SI needs stiffness \(N/m\), hip_stiffness \(N m/rad\): numbers that"):
         build({"machine": "runner", "si": own})
-    with pytest.raises(InputError, match="'mass_ratio' is of machines that hop: a runner has foot_mass, rest_length"):
+    with pytest.raises(InputError, match="'mass_ratio' belongs to machines that hop: a runner has foot_mass"):
         build({"machine": "runner", "mass_ratio": 2.0})
 
 

@@ -94,11 +94,11 @@ def test_a_machine_without_units():
     [
         ({"unknown": ("kk",)}, "no parameter 'kk'; did you mean 'k'"),
         ({"unknown": ()}, "name the parameters to fit"),
-        ({"unknown": ("k", "k")}, "stands there twice"),
+        ({"unknown": ("k", "k")}, "occurs twice"),
         ({"noise": {"body speed": 1.0}}, "noise: the record has no channel 'body speed'"),
         ({"noise": {"body height": 0.0}}, "noise of body height = 0"),
         ({"offsets": ("foot",)}, "offsets: the record has no channel 'foot'"),
-        ({"delays": ("body height", "foot height")}, "one channel has none"),
+        ({"delays": ("body height", "foot height")}, "leave one channel out"),
         ({"machine": hopper_in_si(3.0, 1.5, force=springs.table(springs.SAMPLE, in_si=True))}, "fit a formula"),
     ],
 )

@@ -62,7 +62,7 @@ def test_files_of_test_machines(name, encoding, tmp_path):
         ("r;f\nmm;N\n-1;-1,234\n0;0\n1;1,234\n2;2,468\n", "decimals or thousands"),
         ("r;f\nmm;N\n-1;-1,234\n0;0.5\n", "row 4: '0;0.5' mixes decimal commas with points"),
         ("r;f\nmm;N\n0;0\n1;nan\n", "row 4: '1;nan' does not hold two finite numbers"),
-        ("Extension;Compressive force\nmm;N\n0;0\n", "'Extension' and 'Compressive force' count opposite ways"),
+        ("Extension;Compressive force\nmm;N\n0;0\n", "'Extension' and 'Compressive force' have opposite signs"),
     ],
 )
 def test_files_that_cannot_be_meant(text, message, tmp_path):

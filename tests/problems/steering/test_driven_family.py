@@ -82,8 +82,8 @@ def test_recoveries_are_what_independent_solves_find():
     ("follow", "words"),
     [
         (lambda: steering.keep_hopping(Hopper()).follow("zeta", 1.0), "'zeta' is not a number of the motion"),
-        (lambda: steering.recover(Hopper(), short=0.1).follow("mass_ratio", 0.9), "changes that is aimed at"),
-        (lambda: steering.recover(Hopper(), short=0.1).follow("short", 5.0), "some of it is to be left"),
+        (lambda: steering.recover(Hopper(), short=0.1).follow("mass_ratio", 0.9), "the target orbit changes"),
+        (lambda: steering.recover(Hopper(), short=0.1).follow("short", 5.0), "leaves no launch speed"),
         (
             lambda: steering.keep_hopping(Hopper(damping=0.02), lossless=False).follow("damping", 0.0),
             "moves like the cube root of the damping",
