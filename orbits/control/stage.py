@@ -152,5 +152,5 @@ def check_range(what: str, bounds: object) -> tuple[float, float]:
         raise InputError(f"{what}: the bounds must be a lowest and a highest number, not {bounds!r}")
     low, high = bounds
     if not low <= high:
-        raise InputError(f"the bounds of {what} conflict: {low:g} and {high:g}")
+        raise InputError(f"{what}: the lower bound {low:g} is above the upper bound {high:g}")
     return low, high

@@ -90,7 +90,7 @@ def test_a_cost_is_least_in_any_unit(scale):
     [
         ({"parameters": {"f": 1.0}}, "both an input and a parameter"),
         ({"parameters": {"k": 1.0}, "free": {"k": (0, 1)}}, "has a value and is also free"),
-        ({"free": {"k": (1, 0)}}, "parameter 'k' conflict: 1 and 0"),
+        ({"free": {"k": (1, 0)}}, "parameter 'k': the lower bound 1 is above the upper bound 0"),
         ({"parameters": {"k": np.nan}}, "not a finite number"),
         ({"parameters": {"k": None}}, "parameter 'k' = None"),
         ({"free": {"k": 1}}, "parameter 'k': the bounds must be a lowest and a highest number, not 1"),

@@ -112,9 +112,9 @@ def test_machines_that_cannot_be_designed():
         optimize(None, minimise="alpha", over={"mass_ratio": (0.1, 0.2)})
     with pytest.raises(InputError, match="belongs to another machine"):
         sensitivities(CUBIC, find(VARYING))
-    with pytest.raises(InputError, match="two objectives"):
+    with pytest.raises(InputError, match="two different objectives"):
         pareto(CUBIC, minimise="alpha", over={"b": RANGE})
-    with pytest.raises(InputError, match="two objectives"):
+    with pytest.raises(InputError, match="two different objectives"):
         pareto(CUBIC, minimise=3, over={"b": RANGE})
     with pytest.raises(InputError, match="points = 1; it must be a number of designs, from 2"):
         pareto(CUBIC, minimise=("alpha", "stroke"), over={"b": RANGE}, points=1)
