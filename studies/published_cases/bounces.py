@@ -10,18 +10,24 @@ from orbits.mechanics import Mass, Spring
 from problems import HeavyHand, Hopper
 
 from .case import Case
+from .numerics import least, slopes
 from .sources import CHATTERJEE, HOLMES, IRODOV, MODELING_TOOLKIT, TUFILLARO
 
 RESTITUTIONS, CYCLES, LEVELS = (0.2, 0.5, 0.8), (1, 2, 3), (1.01, 1.5, 2.0, 5.0)
+DROPS = ((10.0, 15.0, 0.8), (1.0, 0.0, 0.8), (1.0, 0.0, 0.7))  # height, speed, restitution
 
 
-def dropped(height: float, speed: float, restitution: float, gravity: float, time: float) -> Simulation:
-    """A ball that bounces on the ground. A mass on a spring stands by, since a machine has two coordinates."""
+def time_to_rest(height: float, speed: float, restitution: float) -> float:
+    """When a ball has come to rest on the ground. A mass on a spring stands by, since a machine has two coordinates."""
     masses = [Mass("other", 1.0), Spring("other"), Mass("ball", 1.0)]
-    ball = Mechanism(
-        ("other", "ball"), masses, gap="ball", restitution=restitution, gravity=gravity, name="bouncing ball"
-    )
-    return simulate(ball, state=[0.0, 0.0, height, speed], time=time)
+    ball = Mechanism(("other", "ball"), masses, gap="ball", restitution=restitution, gravity=9.81, name="bouncing ball")
+    return simulate(ball, state=[0.0, 0.0, height, speed], time=30.0).events[-1].time
+
+
+def sum_of_bounces(height: float, speed: float, restitution: float) -> float:
+    """When a ball has come to rest, in closed form."""
+    strikes = sqrt(speed**2 + 2 * 9.81 * height)
+    return (speed + strikes) / 9.81 + 2 * restitution * strikes / (9.81 * (1 - restitution))
 
 
 def on_table(level: float, restitution: float = 0.0, **options) -> Simulation:
@@ -40,13 +46,12 @@ def bounce(machine: HeavyHand, level: float, phase: float, speed: float) -> tupl
 
 def cycle(restitution: float, n: int, phase: float) -> tuple[float, float, np.ndarray]:
     """Of the bouncing with one impact in n periods that strikes at a phase: the level, how far the simulated impact is
-    from the one before, and the derivative (2, 2) of the map of impacts, by differences."""
+    from the one before, and the derivative (2, 2) of the map of impacts."""
     machine, level = HeavyHand(restitution=restitution), pi * n * (1 - restitution) / (1 + restitution) / cos(phase)
-    step, start = 1e-5, np.array([phase, pi * n])
+    start = np.array([phase, pi * n])
     following, time = bounce(machine, level, *start)
-    sides = [[bounce(machine, level, *start + sign * step * unit)[0] for sign in (1, -1)] for unit in np.eye(2)]
-    slopes = np.stack([(above - below) / (2 * step) for above, below in sides], axis=1)
-    return level, max(np.abs(following - start).max(), abs(time - 2 * pi * n)), slopes
+    derivative = slopes(lambda impact: bounce(machine, level, *impact)[0], start)
+    return level, max(np.abs(following - start).max(), abs(time - 2 * pi * n)), derivative
 
 
 def edge(restitution: float, n: int, multiplier: int) -> float:
@@ -66,31 +71,11 @@ def _last_phase(off) -> float:
     return next(phase for phase in np.arange(0.2, 1.5, 0.2) if off(phase) < 0)
 
 
-def zeno_sums() -> list[float]:
-    """When balls have come to rest."""
-    return [
-        dropped(height, speed, restitution, 9.81, 30.0).events[-1].time
-        for height, speed, restitution in ((10.0, 15.0, 0.8), (1.0, 0.0, 0.8), (1.0, 0.0, 0.7))
-    ]
-
-
-def zeno_sum(height: float, speed: float, restitution: float) -> float:
-    """When a ball has come to rest, in closed form."""
-    strikes = sqrt(speed**2 + 2 * 9.81 * height)
-    return (speed + strikes) / 9.81 + 2 * restitution * strikes / (9.81 * (1 - restitution))
-
-
 def throws_that_bounce() -> list[float]:
     """The slowest throws, near n pi, after which a ball bounces on a heavy hand forever."""
-    step, found = ReturnMap(HeavyHand(), cap=40), []
-    for n in CYCLES:
-        low, high = n * pi - 0.1, n * pi + 0.1
-        while high - low > 1e-9:
-            throws = np.linspace(low, high, 21)
-            first = int(np.argmax(step(throws).status == "cap"))
-            low, high = throws[max(first - 1, 0)], throws[first]
-        found.append(high)
-    return found
+    step = ReturnMap(HeavyHand(), cap=40)
+    bounces = lambda speed: bool(step(speed).status == "cap")  # noqa: E731
+    return [least(bounces, n * pi - 0.1, n * pi + 0.1, 1e-9) for n in CYCLES]
 
 
 def on_flexible_ground(restitution: float) -> Simulation:
@@ -121,11 +106,7 @@ def compressed(compression: float) -> Simulation:
 
 def jumping_cubes() -> list[float]:
     """The compression from which the lower cube leaves the ground."""
-    low, high = 2.0, 4.0
-    while high - low > 1e-10:
-        middle = 0.5 * (low + high)
-        low, high = (low, middle) if compressed(middle).events else (middle, high)
-    return [high]
+    return [least(lambda compression: bool(compressed(compression).events), 2.0, 4.0, 1e-10)]
 
 
 def risen_cubes() -> list[float]:
@@ -148,8 +129,8 @@ CASES = (
         TUFILLARO,
         "Equilibrium Solutions: the sum of a geometric series, for the examples of Simulink (Simulation of a Bouncing "
         "Ball), OpenModelica (BouncingBall.mo) and the Modelica Association (Reference FMUs)",
-        [zeno_sum(10.0, 15.0, 0.8), zeno_sum(1.0, 0.0, 0.8), zeno_sum(1.0, 0.0, 0.7)],
-        zeno_sums,
+        [sum_of_bounces(*drop) for drop in DROPS],
+        lambda: [time_to_rest(*drop) for drop in DROPS],
         within=1e-12,
     ),
     Case(

@@ -98,7 +98,7 @@ def hopping_in_place() -> list[float]:
 
 
 def fall_to_a_planet() -> list[float]:
-    """The times of falls from rest at three and a half heights over a planet of radius 2."""
+    """The times of falls from rest at the heights 0.1, 3 and 20 over a planet of radius 2."""
     body = Mechanism(
         ("other", "body"), [Spring("other - 2*body", "0*r"), Mass("body", 1.0)], inertia={"other": 1.0}, gap="body",
         gravity="1/(1 + z/R)**2", parameters={"R": 2.0}, name="body over a planet",

@@ -10,6 +10,7 @@ from orbits import Mechanism, Oscillation, find, follow, simulate
 from orbits.mechanics import Force, Mass, Potential, Spring
 
 from .case import Case
+from .numerics import slopes
 from .sources import BIFURCATION_KIT, BRACK, JOHNSON, LANDAU, SHAW
 
 AMPLITUDES, ANGLES = (0.5, 1.0, 2.0), (30, 60, 90, 150)
@@ -116,13 +117,12 @@ def impacts() -> list[float]:
 
 
 def areas() -> list[float]:
-    """The determinants of the derivative of the map of impacts, by differences."""
-    step, found = 1e-5, []
+    """The determinants of the derivative of the map of impacts."""
+    found = []
     for frequency, n in FORCED:
         phase, speed = one_impact(frequency, n)
-        start = np.array([phase, RESTITUTION * speed])
-        sides = [[next_impact(frequency, *(start + sign * step * unit))[0] for sign in (1, -1)] for unit in np.eye(2)]
-        found.append(float(np.linalg.det(np.stack([above - below for above, below in sides]) / (2 * step))))
+        image = lambda impact, frequency=frequency: next_impact(frequency, *impact)[0]  # noqa: E731
+        found.append(float(np.linalg.det(slopes(image, np.array([phase, RESTITUTION * speed])))))
     return found
 
 

@@ -10,13 +10,11 @@ from orbits.mechanics import Mass, Potential, Spring
 from problems import rimless_wheel, rocking_block
 
 from .case import Case
+from .numerics import least
 from .sources import HOUSNER, PANKOV
 
-SLENDER, TILT, PULSES = (
-    0.2,
-    0.15,
-    (1.5, 2.0, 4.0),
-)  # angle of a block, its first tilt, pulses over the least that lift it
+SLENDER, TILT = 0.2, 0.15  # the angle of a block, and its first tilt
+PULSES = (1.5, 2.0, 4.0)  # accelerations, over the least that lifts a block
 STEPS = ((1.0, 0.5, 1), (1.0, 0.5, 2), (0.2, 0.5, 1))  # inertia ratio, gravity ratio and family of lossless steps
 
 
@@ -82,14 +80,7 @@ def falls_after(push: float, duration: float) -> bool:
 
 def overturning_pulses() -> list[float]:
     """The durations from which on pulses overturn a block."""
-    found = []
-    for push in PULSES:
-        low, high = 0.0, 4.0
-        while high - low > 1e-7:
-            middle = 0.5 * (low + high)
-            low, high = (low, middle) if falls_after(push, middle) else (middle, high)
-        found.append(high)
-    return found
+    return [least(lambda duration, push=push: falls_after(push, duration), 0.0, 4.0, 1e-7) for push in PULSES]
 
 
 def step_in_closed_form(kind: str, inertia_ratio: float, gravity_ratio: float, family: int) -> list[float]:

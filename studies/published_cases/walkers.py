@@ -15,11 +15,11 @@ from orbits import Mechanism, Simulation, simulate
 from orbits.mechanics import Mass, Spring
 
 from .case import Case
+from .numerics import least, slopes
 from .sources import BHOUNSULE, GARCIA, PASSIVE_WALKER, TEDRAKE
 
 ALPHA, GRAVITY, SLOPES = pi / 8, 9.8, (0.08, 0.15)
 HEAVY = 1e6  # mass of the hip over that of a foot, which is infinite in the simplest model
-STEP = 1e-5  # of differences
 GUESSES = {"long": (0.2, -0.2, -0.016), "short": (0.194, -0.204, -0.015)}
 
 
@@ -50,29 +50,23 @@ def rolling_speeds() -> list[float]:
     return [rolled(slope, 1.2, time=50.0).events[-1].after[3] for slope in SLOPES]
 
 
-def slopes_of_map() -> list[float]:
+def multipliers_of_rolling() -> list[float]:
     """The derivatives of the rate after a step at the rates that come back."""
     return [
-        (following(slope, rate + STEP) - following(slope, rate - STEP)) / (2 * STEP)
+        slopes(lambda rate, slope=slope: np.array([following(slope, rate[0])]), np.array([rate])).item()
         for slope, rate in zip(SLOPES, rolling_speeds(), strict=True)
     ]
 
 
+def passes(rate: float) -> bool:
+    """Whether the wheel comes over a spoke with a rate, uphill where it is below 0."""
+    start, foot = (0.0, "front foot") if rate > 0 else (2 * ALPHA, "rear foot")
+    return rolled(SLOPES[0], rate, start, time=20.0, cap=1).events[0].foot == foot
+
+
 def thresholds() -> list[float]:
     """The rates with which the wheel just comes over a spoke, downhill and uphill."""
-
-    def passes(rate: float, sign: int) -> bool:
-        start, foot = (0.0, "front foot") if sign > 0 else (2 * ALPHA, "rear foot")
-        return rolled(SLOPES[0], sign * rate, start, time=20.0, cap=1).events[0].foot == foot
-
-    found = []
-    for sign in (1, -1):
-        low, high = 0.5, 2.5
-        while high - low > 1e-9:
-            middle = 0.5 * (low + high)
-            low, high = (low, middle) if passes(middle, sign) else (middle, high)
-        found.append(high)
-    return found
+    return [least(lambda rate, sign=sign: passes(sign * rate), 0.5, 2.5, 1e-9) for sign in (1, -1)]
 
 
 @cache
@@ -129,14 +123,13 @@ def step(start: np.ndarray, slope: float, hip: float) -> tuple[np.ndarray, float
 
 def gait(start: np.ndarray, slope: float, hip: float) -> np.ndarray:
     """The start that comes back, near one; NaN where none does."""
-    found, told, *_ = fsolve(lambda z: step(z, slope, hip)[0] - z, start, xtol=1e-12, full_output=True)
-    return found if np.abs(told["fvec"]).max() < 1e-11 else np.full(3, np.nan)
+    found, output, *_ = fsolve(lambda z: step(z, slope, hip)[0] - z, start, xtol=1e-12, full_output=True)
+    return found if np.abs(output["fvec"]).max() < 1e-11 else np.full(3, np.nan)
 
 
 def multipliers(start: np.ndarray, slope: float, hip: float) -> np.ndarray:
     """The eigenvalues of the step at a start."""
-    sides = [[step(start + sign * STEP * unit, slope, hip)[0] for sign in (1, -1)] for unit in np.eye(3)]
-    return np.linalg.eigvals(np.stack([(above - below) / (2 * STEP) for above, below in sides], axis=1))
+    return np.linalg.eigvals(slopes(lambda z: step(z, slope, hip)[0], start))
 
 
 @cache
@@ -202,7 +195,7 @@ CASES = (
         TEDRAKE,
         "derivative of the Poincare map at its fixed point: cos(2 alpha)^2",
         [cos(2 * ALPHA) ** 2] * 2,
-        slopes_of_map,
+        multipliers_of_rolling,
         within=1e-8,
     ),
     Case(
