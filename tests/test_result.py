@@ -43,6 +43,7 @@ from orbits.control import hold
 from orbits.design.design_curve import SeveralDesigns
 from orbits.io import to_json
 from orbits.laws import HystereticLaw
+from orbits.model import CasadiMachine
 from orbits.result import Result
 from orbits.sweeps.indices import Indices
 from problems import HeavyHand, Hopper, gravity, hopper_in_si, recordings, springs, steering
@@ -70,6 +71,9 @@ def made(kind: str):
         "Event": lambda: family().events[0],
         "End": lambda: family().end,
         "Orbit of a family": lambda: orbit_at(cubic, "beta", family()[-1], "relative"),
+        "Oscillation": lambda: find(cubic, at={"energy": 0.5}),
+        "OscillationFamily": lambda: follow(leg, "energy", (1.0, 50.0), longest=0.5),
+        "OscillationEvent": lambda: made("OscillationFamily").events[0],
         "Existence": lambda: existence(cubic, "beta", (0.28, 0.32), "mass_ratio", [0.5, 0.6], samples=3),
         "Hops": lambda: ReturnMap(cubic)([[2.0, 4.0], [4.5, 7.0]]),
         "LaunchHops": lambda: ReturnMap(hop_of()[0])([[6.4, -1.2, 1.1], [-1.0, 0.0, 0.0]]),
@@ -126,11 +130,11 @@ WHOLE = (
         "DrivenFamily",
     ),
     *("LaunchHops", "ReturningHops", "PeriodicHops", "HopMultipliers"),
-    "HeldLaunches",
+    *("HeldLaunches", "Oscillation", "OscillationFamily"),
 )
 RESULTS = (
     *WHOLE,
-    *("Certificate", "Trajectory", "Point", "Event", "End", "ReturnMap", "ContactEvent"),
+    *("Certificate", "Trajectory", "Point", "Event", "End", "ReturnMap", "ContactEvent", "OscillationEvent"),
 )
 VERBS = {
     "machine": lambda result: isinstance(result.machine, dict) and "machine" in result.machine,
@@ -219,6 +223,7 @@ def test_the_table_of_results_has_all():
 
 # Names that modules import for type checkers alone.
 IMPORTED_FOR_TYPES = {"Indices": Indices, "Proof": orbits.Proof, "HystereticLaw": HystereticLaw}
+IMPORTED_FOR_TYPES |= {"CasadiMachine": CasadiMachine}
 IMPORTED_FOR_TYPES |= {each.__name__: each for each in (orbits.DesignCurve, orbits.OptimalFamily)}
 IMPORTED_FOR_TYPES |= {"DrivenFamily": problems.DrivenFamily}
 
@@ -248,7 +253,7 @@ def classes_in(hint):
 # What is returned and is no result, with what it is.
 NO_RESULTS = {
     "part of a result": {"Certificate", "Trajectory", "Point", "Event", "End", "Stretch", "Upkeep"},
-    "a machine": {"Mechanism", "MachineInSI", "Chain", "Actuated", "ReturnMap"},
+    "a machine": {"Mechanism", "MachineInSI", "Chain", "Actuated", "ReturnMap", "CasadiMachine"},
     "a law": {"Law", "HystereticLaw"},
     "of the mechanics": {"LinearEquations", "Affine", "StateFormula", "Units", "Quantity"},
     "a page that is open": {"Exploration"},
