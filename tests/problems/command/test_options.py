@@ -221,7 +221,7 @@ class TestSteps:
             ("--machine rocker --set gravity_ratio=0", "gravity_ratio = 0; it must lie above 0"),
             ("--machine wheel --mass-ratio 2", "'mass_ratio' belongs to machines that hop: a wheel has inertia_ratio"),
             ("--machine wheel --masses 1,2", "are for hopping machines: a wheel is in SI by [si]"),
-            ("--machine shuttle --spring 'r + r**2'", "state an odd law"),
+            ("--machine shuttle --spring 'r + r**2'", "an odd law, such as"),
             (
                 "--machine wagon",
                 "neither hopper nor juggler nor wheel nor rocker nor shuttle nor runner nor a .toml file",

@@ -154,7 +154,7 @@ def test_the_rest_length_is_stated_as_of_other_machines():
     ("stated", "message"),
     [
         ({"foot_mass": 0.0}, "foot_mass = 0; for a runner it must lie above 0"),
-        ({"inertia": -1.0}, "inertia = -1; of a runner"),
+        ({"inertia": -1.0}, "inertia = -1; for a runner"),
         ({"parameters": {"beta": 1.0}}, "no element has a parameter 'beta'"),
         ({"parameters": {"inertia": 1.0}}, "'inertia' is an argument of its own"),
         ({"hip_spring": "hip_stiffness*r + r**2"}, "not reversed by the reversor"),
