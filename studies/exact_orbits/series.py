@@ -139,13 +139,16 @@ class Formulas:
                 return lambda names: names[node.id]
             called = isinstance(node, ast.Call)
             name = getattr(node.func, "id", "") if called else type(getattr(node, "op", None)).__name__
-            if name not in self.functions:
+            nodes = node.args if called else ast.iter_child_nodes(node)
+            parts = [built(each) for each in nodes if isinstance(each, ast.expr)] if name in self.functions else []
+            if not 1 <= len(parts) <= 2:
                 raise CaseError(
                     f"{ast.unparse(node)!r} in {text!r}; formulas have numbers, names, + - * / ** and {known}"
                 )
-            nodes = node.args if called else ast.iter_child_nodes(node)
-            parts = [built(each) for each in nodes if isinstance(each, ast.expr)]
-            return lambda names: self.functions[name](*[part(names) for part in parts])
+            act, first, last = self.functions[name], parts[0], parts[-1]
+            return (
+                (lambda names: act(first(names), last(names))) if len(parts) == 2 else (lambda names: act(first(names)))
+            )
 
         known = " ".join(name for name in self.functions if name.islower())
         return built(ast.parse(text, mode="eval").body)

@@ -10,6 +10,7 @@ from decimal import Decimal
 from pathlib import Path
 
 import pytest
+from flint import arb, arb_poly, ctx
 from scipy.optimize import brentq
 
 from studies.exact_orbits.build import with_table
@@ -17,6 +18,7 @@ from studies.exact_orbits.check import check
 from studies.exact_orbits.motion import Problem
 from studies.exact_orbits.series import CaseError, read
 from studies.exact_orbits.toolkit import compared
+from studies.exact_orbits.zeros import first_crossing
 
 FOLDER = Path(__file__).parents[2] / "studies" / "exact_orbits"
 CASES = sorted((FOLDER / "cases").glob("*.json"))
@@ -74,6 +76,8 @@ def test_the_page_lists_all_cases_and_its_code_runs_by_itself(tmp_path):
     """`build.py` writes the table."""
     page = (FOLDER / "README.md").read_text(encoding="utf-8")
     assert with_table(page) == page
+    figures = (FOLDER.parent / "docs" / "exact_orbits.md").read_text(encoding="utf-8")
+    assert {*re.findall(r'draw\("(.*?)"\)', figures)} == {json.loads(path.read_text())["subject"] for path in CASES}
     code, printed = re.search(r"```python\n(.*?)```\n\n```output\n(.*?)```", page, re.DOTALL).groups()
     shutil.copytree(FOLDER / "cases", tmp_path / "cases")
     shutil.copy(FOLDER / "reader.py", tmp_path)
@@ -177,3 +181,32 @@ def test_what_is_proved_is_about_the_numbers_of_the_case():
                 assert low <= Decimal(case["unknowns"]["alpha"]["value"]) <= high, path.stem
                 proved += 1
     assert proved > 15
+
+
+def polynomial(*zeros):
+    """The polynomial with these zeros and the first coefficient 1, in sixty digits."""
+    product = arb_poly([1])
+    for zero in zeros:
+        product *= arb_poly([-zero, 1])
+    return product
+
+
+def test_crossings_are_found_where_they_are_multiple_or_close():
+    ctx.dps, cluster = 60, 1e-15
+    third, close = arb(1) / 3, arb("0.5000000001")
+    for direction in (-1, 0):
+        place = first_crossing(polynomial(third, third, third, arb("0.9")), arb(1), direction, cluster)
+        assert abs(float(place - third)) < 1e-55
+    assert first_crossing(polynomial(third, third), arb(1), 0, cluster) is None
+    near = polynomial(arb("0.5"), close, arb("0.7"))
+    assert abs(float(first_crossing(near, arb(2), -1, cluster) - close)) < 1e-50
+    assert first_crossing(near, arb("0.4"), 0, cluster) is None
+
+
+def test_a_mode_is_followed_backward_in_time():
+    """Half a contact before a lift-off the body is at rest."""
+    document = read(FOLDER / "cases" / "linear_hop.json")
+    problem, half = Problem(document), document["numbers"]["contact_time"]["value"]
+    rest = problem.in_one_mode("contact", -arb(str(half)) / 2)
+    assert abs(float(rest.state["v1"])) < 1e-18
+    assert float(rest.state["y1"]) == pytest.approx(-1 - math.sqrt(4 + 2 * 4.493409457909064**2), rel=1e-15)
