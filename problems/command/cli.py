@@ -380,7 +380,7 @@ def follow_command(
         save_figure(thumbnails(plot_family(followed), followed, small), plot)
     options.write(followed, as_json, save=save)
     curves = [*followed.families.values()] if several else [followed]
-    ends = {end.kind for each in curves for end in (each.beginning, each.end) if end}
+    ends = {end.kind for each in curves for end in (getattr(each, "beginning", None), each.end) if end}
     if {"stuck", "interrupted"} & ends or (several and followed.missing):
         raise click.exceptions.Exit(1)
 

@@ -669,6 +669,7 @@ class TestEnergy:
     def test_a_family_and_its_figure(self, orbits, tmp_path):
         figure = tmp_path / "standing.png"
         found = orbits(f"follow --along energy --from 0.1 --to 2.5 --longest 0.5 --plot {figure}")
+        assert (found.code, found.err) == (0, "")
         assert "contact pulls       2  8.88576587632" in found.out
         assert figure.read_bytes().startswith(b"\x89PNG")
 
