@@ -180,7 +180,7 @@ def _with_nodes(
     anew: bool, options: WayOptions,
 ) -> NodedSolution | None:  # fmt: skip
     """The solution near unknowns (N,) with the nodes of a division, if any, and parameters (np,): with the nodes that
-    it asks for where it is divided `again`, else with nodes where they are of use. None without one nearby; the reason
+    it asks for where it is divided `anew`, else with nodes where they are of use. None without one nearby; the reason
     of the machine `which` is noted where there is one that its launch does not determine."""
     own = division.equations if division else equations
     try:

@@ -72,7 +72,7 @@ def test_collisions_of_multipliers(angles, sign):
         (henon_heiles(), {"start": {"x": 0.2, "y": 0.05, "duration": 6.3}}, NoOrbit, "start leads to no oscillation"),
         (henon_heiles(), {"start": {"z": 0.2}}, InputError, "start has no 'z'"),
         (henon_heiles(), {"start": {"x'": 0.2}}, InputError, "start has the speed x' and no 'duration'"),
-        (henon_heiles(), {"start": {"x": 0.2, "duration": -1}}, InputError, "'duration' = -1; it is above 0"),
+        (henon_heiles(), {"start": {"x": 0.2, "duration": -1}}, InputError, "'duration' = -1; it must be above 0"),
         (pendulum(), {"at": {"energy": 0.0}}, InputError, "an energy is above that at the equilibrium, 0"),
         (pendulum(), {"method": "shooting"}, InputError, "without a method="),
     ],
