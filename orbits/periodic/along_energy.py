@@ -14,8 +14,8 @@ from ..result import Progress
 from ..running import TimeOver, interrupts
 from ..symbolic import suggest
 from ..units import ENERGY, FREQUENCY, TIME, in_units, without_units
-from .oscillation_curve import DRIFT, ERROR, MARGIN, MULTIPLIERS, RESIDUAL, OscillationCurve, near_motion, near_rest
-from .oscillations import Oscillation, OscillationEvent, OscillationFamily
+from .oscillation_curve import APART, DRIFT, ERROR, MARGIN, MULTIPLIERS, RESIDUAL, OscillationCurve, near_motion, near_rest
+from .oscillations import MARGINS, Oscillation, OscillationEvent, OscillationFamily
 from .oscillator import DURATION, Oscillator, is_elastic, refuse_oscillator
 
 # The quantities of oscillations that are not states, with their dimensions.
@@ -24,8 +24,6 @@ DIMENSIONS_OF_OSCILLATIONS = {
     **dict.fromkeys(("period", "error", "time", DURATION), TIME),
 }
 
-
-MARGINS = ("smallest_contact_force", "clearance")
 
 
 def follow_energy(
@@ -70,7 +68,7 @@ class _Followed:
         known, found = (*self.states, DURATION), dict[str, float]()
         for name, value in start.items():
             if name not in known:
-                raise InputError(f"start has no '{name}'{suggest(str(name), known)}; it has {', '.join(known)}")
+                raise InputError(f"start has no '{name}'{suggest(str(name), known)}")
             found[name] = finite_number(f"start '{name}'", value) / self._unit(TIME if name == DURATION else name)
         if not found.get(DURATION, 1.0) > 0:
             raise InputError(f"start 'duration' = {start[DURATION]:g}; it must be above 0, about a period")
@@ -132,9 +130,9 @@ class _Followed:
 
     def _margins(self, own: np.ndarray) -> dict[str, np.ndarray]:
         """What may not become negative (m,), by name, where there is something."""
-        margins, name = own[:, MARGIN], "clearance" if self.bounces else "smallest_contact_force"
-        known = np.where(margins == NONE, np.nan, margins) * self._unit(name)
-        return {name: known} if np.isfinite(known).any() else {}
+        columns = {"clearance" if self.bounces else "smallest_contact_force": MARGIN, "smallest_separation": APART}
+        known = {name: np.where(own[:, i] == NONE, np.nan, own[:, i]) * self._unit(name) for name, i in columns.items()}
+        return {name: margins for name, margins in known.items() if np.isfinite(margins).any()}
 
     def family(
         self, stop: Any, number: int, at: Sequence[float], steps: Steps, progress: Progress

@@ -21,14 +21,14 @@ from .extrema_and_zeros import Sought, extremes, turns_and_zeros
 from .oscillator import DURATION, OSCILLATOR, Oscillator
 
 # The columns of what is certified: the bound on the error of the period, the change of the energy as a share of it, the
-# residual, the largest modulus of a multiplier, the least contact force or, of a bounce, the least clearance, `NONE`
-# without; and the multipliers.
-ERROR, DRIFT, RESIDUAL, GROWTH, MARGIN, MULTIPLIERS = range(6)
+# residual, the least contact force or, of a bounce, the least clearance, and the least separation, `NONE` without; and
+# the multipliers.
+ERROR, DRIFT, RESIDUAL, MARGIN, APART, MULTIPLIERS = range(6)
 
 
 class OscillationCurve(Problem):
     """The oscillations of an oscillator along their energy: X has the state (2n,) at the beginning, the duration, the
-    unfolding, and the energy. What it certifies are the columns `ERROR` to `MARGIN`, and from `MULTIPLIERS` on the real
+    unfolding, and the energy. What it certifies are the columns `ERROR` to `APART`, and from `MULTIPLIERS` on the real
     parts of the multipliers besides the two of the time and of the energy, which are 1, and then their imaginary parts.
 
     p : the parameters
@@ -45,6 +45,13 @@ class OscillationCurve(Problem):
         if oscillator.bounces or CONTACT_FORCE in oscillator.moving.phase.watch:
             kind = "grazing" if oscillator.bounces else "contact pulls"
             self.tests.append(Test(kind, lambda problem, points: points.own[:, MARGIN]))
+        if self.separation:
+            self.tests.append(Test("masses touch", lambda problem, points: points.own[:, APART]))
+
+    @property
+    def separation(self) -> Affine | None:
+        """The distance within the machine that must stay positive, if a length of it is stated."""
+        return self.oscillator.machine.model.separation(self.oscillator.machine.values)
 
     def parameters_at(self, xs: Array) -> Array:
         """The parameters (m, np) at points (m, 2n + 3)."""
@@ -87,20 +94,24 @@ class OscillationCurve(Problem):
         named = dict(zip(moving.names, ps.T, strict=False))
         drifts = work_along(moving.phase, moving.gradient, states, named)[0] / points.values
         multipliers = np.linalg.eigvals(self.others(points)).astype(complex)
-        growth = np.abs(multipliers).max(1, initial=1.0)
         residual = np.abs(evaluation.residual).max(1)
-        numbers = np.column_stack([errors, drifts, residual, growth, self._margins(motions)])
+        numbers = np.column_stack([errors, drifts, residual, *self._margins(motions)])
         return points.having(own=np.hstack([numbers, multipliers.real, multipliers.imag])), refused
 
-    def _margins(self, motions: Trajectories) -> Array:
-        """What may not become negative over motions (m,): the least clearance of a bounce, the least contact force;
-        `NONE` without one."""
-        if self.oscillator.bounces:
-            gap = self.oscillator.machine.model.gap(self.oscillator.machine.values)
-            return turns_and_zeros({"gap": Sought(motions, gap)})["gap"].lowest(middles=np.zeros(0, int))[0]
-        if CONTACT_FORCE in motions.names:
-            return extremes(motions, Affine(tuple(float(name == CONTACT_FORCE) for name in motions.names)))[0]
-        return np.full(len(motions), NONE)
+    def _margins(self, motions: Trajectories) -> tuple[Array, Array]:
+        """What may not become negative over motions (m,): the least clearance of a bounce or the least contact force, and
+        the least separation (m,); `NONE` without one."""
+        machine, bounces = self.oscillator.machine, self.oscillator.bounces
+        margins = apart = np.full(len(motions), NONE)
+        if bounces:
+            gap = machine.model.gap(machine.values)
+            margins = turns_and_zeros({"gap": Sought(motions, gap)})["gap"].lowest(middles=np.zeros(0, int))[0]
+        elif CONTACT_FORCE in motions.names:
+            margins = extremes(motions, Affine(tuple(float(name == CONTACT_FORCE) for name in motions.names)))[0]
+        if self.separation:
+            embed = None if bounces else machine.model.embed
+            apart = extremes(motions.only(self.oscillator.states), self.separation, embed)[0]
+        return margins, apart
 
     def others(self, points: Points) -> Array:
         """Matrices (m, 2n - 2, 2n - 2) whose eigenvalues are the multipliers of cycles at points, without the two of

@@ -15,6 +15,13 @@ from ..result import TABLE_ROWS, Axes, Result, Row, shown
 from ..symbolic import suggest
 from .oscillator import DURATION, OSCILLATOR
 
+# What may not become negative, and what is wrong where it is.
+MARGINS = {
+    "smallest_contact_force": "the ground would have to pull",
+    "clearance": "the gap closes within the bounce",
+    "smallest_separation": "masses touch",
+}
+
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Oscillation(Result, what="oscillation", in_line=("energy", "period", "stable"), document_is_whole=True):
@@ -33,8 +40,9 @@ class Oscillation(Result, what="oscillation", in_line=("energy", "period", "stab
     multipliers : (2n - 2, 2), the real and the imaginary parts of the multipliers without the two of the time and of
         the energy, which are 1; empty for one coordinate
     smallest_contact_force : over the motion; None where no gap is closed
-    bounces : whether it is a flight from one elastic impact to the next
     clearance : the least height of the gap within a bounce that dips; None for others
+    smallest_separation : least distance within the machine; None where no length is stated
+    bounces : whether it is a flight from one elastic impact to the next
     motion : of the states over a period, in the machine's units
     units : of the quantities by name; empty for a dimensionless machine
 
@@ -56,6 +64,7 @@ class Oscillation(Result, what="oscillation", in_line=("energy", "period", "stab
     multipliers: np.ndarray = field(default_factory=lambda: np.zeros((0, 2)))
     smallest_contact_force: float | None = None
     clearance: float | None = None
+    smallest_separation: float | None = None
     bounces: bool = False
     units: Mapping[str, str] = field(default_factory=dict)
 
@@ -72,8 +81,9 @@ class Oscillation(Result, what="oscillation", in_line=("energy", "period", "stab
 
     @property
     def admissible(self) -> bool:
-        """Whether the oscillation is a motion: the ground never pulls, and the gap never closes within a bounce."""
-        return all(each is None or each >= 0 for each in (self.smallest_contact_force, self.clearance))
+        """Whether the oscillation is a motion: the ground never pulls, the gap never closes within a bounce, and no
+        masses touch."""
+        return not self._notes()
 
     @property
     def start(self) -> dict[str, float]:
@@ -98,6 +108,10 @@ class Oscillation(Result, what="oscillation", in_line=("energy", "period", "stab
     def heads(self) -> list[str]:
         return []
 
+    def _notes(self) -> list[str]:
+        """Why it is not a motion."""
+        return [f"not a motion: {why}" for name, why in MARGINS.items() if (getattr(self, name) or 0.0) < 0]
+
     def _rows(self) -> Iterator[Row]:
         yield Row.of("energy", self.energy, self.unit_of("energy"))
         unit = f" {self.unit_of('period')}".rstrip()
@@ -111,7 +125,7 @@ class Oscillation(Result, what="oscillation", in_line=("energy", "period", "stab
                 f"{z.real:.6g}" + (f"{z.imag:+.6g}i" if abs(z.imag) > OSCILLATOR.on_circle else "") for z in values
             )
             yield Row.of("multipliers", ", ".join(texts), after=", stable" if self.stable else ", unstable")
-        for name in ("smallest_contact_force", "clearance"):
+        for name in MARGINS:
             if (value := getattr(self, name)) is not None:
                 yield Row.of(name, value, self.unit_of(name))
         yield Row.of("error bound", self.error, self.unit_of("period"), pattern="{:.1e}")
@@ -130,7 +144,8 @@ class OscillationEvent:
     kind : "fold" (the energy turns round), "branch point" (another family crosses), "turn of the period" (it is longest
         or shortest there), "flip" (two multipliers pass -1: a family of twice the period begins), "Krein collision"
         (two pairs of multipliers meet, and leave the unit circle or come to it), "contact pulls" (beyond it the ground
-        would have to pull), "grazing" (beyond it the gap closes within a bounce), or "value" (a requested energy)
+        would have to pull), "grazing" (beyond it the gap closes within a bounce), "masses touch", or "value" (a
+        requested energy)
     after : index of the point before it
     energy, period : there
     states : (2n,) at the beginning of the cycle
@@ -160,8 +175,8 @@ class OscillationFamily(Result, what="family of oscillations", dimension="point"
     energy_drifts : (m,), largest changes of the energies along the motions, as shares of them
     multipliers : (m, 2n - 2, 2), as those of an `Oscillation`
     bounces : whether the motions are flights from one elastic impact to the next
-    margins : what may not become negative (m,), by name: "smallest_contact_force", or "clearance" of bounces that dip,
-        NaN for others
+    margins : what may not become negative (m,), by name: those of an `Oscillation`; NaN for the clearance of
+        bounces that do not dip
     events : between the points, in order
     end : how it ends
     units : of the columns by name; empty for a dimensionless machine
@@ -220,7 +235,7 @@ class OscillationFamily(Result, what="family of oscillations", dimension="point"
     def column(self, name: str) -> np.ndarray:
         """A column (m,) of the `table`; raises `InputError` for a name without one."""
         if name not in (table := self.table()):
-            raise InputError(f"the family has no '{name}'{suggest(name, table)}; it has {', '.join(table)}")
+            raise InputError(f"the family has no '{name}'{suggest(name, table)}")
         return table[name]
 
     def at_event(self, event: OscillationEvent) -> dict[str, float]:

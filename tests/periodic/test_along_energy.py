@@ -70,6 +70,19 @@ def test_a_hopper_stands_up_to_the_energy_at_which_its_foot_lifts():
     assert np.abs(leg.periods - 2 * np.pi * np.sqrt(60.0 / 8000.0)).max() < 1e-14
 
 
+def test_masses_that_touch_while_a_hopper_stands():
+    """A straight spring of the length L: the body rests at L - 1, so that the energy of the touch is (L - 1)**2/2."""
+    standing = follow(Hopper("r", rest_length=1.5), "energy", (0.01, 0.5), **WIDE)
+    (event,) = standing.events
+    assert (event.kind, round(event.energy, 12)) == ("masses touch", 0.125)
+    assert np.abs(0.5 - np.sqrt(2 * standing.energies) - standing.column("smallest_separation")).max() < 1e-13
+    assert (standing.admissible == (standing.energies < 0.125)).all()
+    orbit = find(Hopper("r", rest_length=1.5), at={"energy": 0.5})
+    assert abs(orbit.smallest_separation + 0.5) < 1e-13
+    assert not orbit.admissible
+    assert "not a motion: masses touch" in str(orbit)
+
+
 def test_bifurcations_of_the_straight_orbit_of_henon_and_heiles():
     """Pitchforks at the shares 0.969309 and 0.986709 of the saddle's energy 1/6 (Brack 2001, Found. Phys. 31)."""
     start = {"y": 0.2, "duration": 6.3}
