@@ -104,9 +104,9 @@ def in_pieces(law: Law, breakpoints: Sequence[float] = ()) -> Law:
         return plain
     places = ", ".join(f"{float(x):.6g}" for x in table(law.parameters)[0][1:-1])
     raise InputError(
-        f"the law '{law.text[:60]}' jumps. At one of its comparisons it has no derivative, as sqrt(r) for r > 0 at 0, "
-        "or the formula of one side has no value on the other side: round the law there, or state all its jumps, for "
-        f"example springs.function(force, breakpoints=({places},))"
+        f"the law '{law.text[:60]}' jumps. At one of its comparisons it has no derivative, or the formula of one side "
+        "has no value on the other: round the law there, or state all its jumps, for example "
+        f"springs.function(force, breakpoints=({places},))"
     )
 
 

@@ -244,7 +244,7 @@ class Law:
             remedy = "state the machine in SI, for example hopper_in_si(body_mass, foot_mass, force=law)"
         else:
             numbers = "has the slope 1 at rest, as in a machine without units, but this machine is in SI"
-            remedy = "state its stiffness in N/m, for example stiffness=8000.0, and its lengths in m"
+            remedy = "state its stiffness in N/m (stiffness=8000.0) and its lengths in m"
             remedy += "" if self.pieces else f"; as a formula it is 'stiffness*({self.text})'"
         raise InputError(f"the spring '{self.text}' {numbers}: {remedy}")
 

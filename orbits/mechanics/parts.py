@@ -202,7 +202,7 @@ class Parts:
 
     def no_release(self, alpha: ArrayLike, p: Parameters) -> np.ndarray:
         """Refuses a launch that is more than a speed."""
-        raise InputError(f"a launch of a {self.structure.name} has more numbers than a speed: give the flight state")
+        raise InputError(f"a launch of a {self.structure.name} has several numbers: give the flight state")
 
     def impact_mass(self, x: Scalars, p: Parameters) -> Algebraic:
         """Twice the energy that a plastic impact loses, over the square of the gap's speed."""

@@ -188,7 +188,7 @@ def check_count(machine: Machine, tuned: Sequence[str], prescribed: Iterable[str
     unknowns, equations = counts(model, tuple(machine.values))
     if (needed := equations - unknowns + len(prescribed)) == len(tuned):
         return
-    stated = f"tune = {[*tuned]} names {len(tuned)} parameters of the {model.name}"
+    stated = f"tune = {[*tuned]} names {len(tuned)} of the parameters of the {model.name}"
     reason = f"one for each quantity of at = {prescribed}"
     if equations > unknowns:
         more = ", and one more" + reason.removeprefix("one") if prescribed else ""

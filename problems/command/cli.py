@@ -445,14 +445,14 @@ def return_map(
         return
     speeds = launches if speeds is not None else options.launch_speeds(repr(launches))
     if not 0 < speeds[0] < float("inf"):
-        raise InputError(f"--alpha {alpha}; launch speeds are above 0")
+        raise InputError(f"--alpha {alpha}; launch speeds must be above 0")
     if plot is not None:
         if len(speeds) < 2:
             raise InputError(f"--plot needs a range, --alpha A:B:N, not --alpha {alpha}")
     elif cobweb is not None:
         raise InputError("--cobweb is drawn into a figure: give --plot FILE too")
     if cobweb is not None and not 0 < cobweb < float("inf"):
-        raise InputError(f"--cobweb {cobweb:g}; a launch speed is above 0")
+        raise InputError(f"--cobweb {cobweb:g}; a launch speed must be above 0")
     step = ReturnMap(machine, inject, cap)
     with options.progress():
         hops = step(speeds)

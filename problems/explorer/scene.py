@@ -227,7 +227,7 @@ class Scene:
         if not self.prescribed.get(SPEED_OF_RUN, 1.0) > 0:
             raise InputError(f"speed = {numbers[SPEED_OF_RUN]:g}; a run goes forward, with a speed above 0")
         if self.launch is not None and finite_number("launch", self.launch) <= 0:
-            raise InputError(f"launch = {self.launch:g}; a launch speed is above 0")
+            raise InputError(f"launch = {self.launch:g}; a launch speed must be above 0")
 
     @property
     def fixed_laws(self) -> bool:

@@ -75,7 +75,7 @@ def test_a_fold_along_a_quantity_is_located():
         ({"along": "clearance", "tune": "k"}, "depends on the whole motion and gives no equation"),
         ({"along": "mass_ratio", "tune": "k"}, r"names 1 .*, and 0 are needed: one for each quantity"),
         ({"along": "k", "tune": "k"}, "'k' is followed, so it cannot be tuned"),
-        ({"along": "alpha", "tune": ("k", "mass_ratio")}, "names 2 parameters of the hopper, and 1 is needed"),
+        ({"along": "alpha", "tune": ("k", "mass_ratio")}, "names 2 of the parameters of the hopper, and 1 is needed"),
         ({"along": "alpha", "tune": "k", "method": "shooting"}, "tunes no parameters"),
         ({"along": "alpha", "tune": "q"}, "no parameter 'q'"),
         ({"along": "alfa", "tune": "k"}, "no parameter 'alfa'"),

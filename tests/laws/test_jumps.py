@@ -104,7 +104,7 @@ def test_a_breakpoint_moves_with_a_parameter():
         (lambda: springs.function(lambda r: r + np.floor(r)), r"jumps at r = 0, from -1 to 0.*breakpoints=\(0,\)"),
         (lambda: springs.function(lambda r: r - 0.1 * (r**2 > 1)), "no comparison of straight lines"),
         (lambda: springs.function(lambda r: r + ca.fmod(r, 2)), "jumps at r = -?2"),
-        (lambda: springs.function(lambda r: ca.if_else(r > -2, r, r - 1 - ca.sqrt(-2 - r))), "round it there"),
+        (lambda: springs.function(lambda r: ca.if_else(r > -2, r, r - 1 - ca.sqrt(-2 - r))), "round the law there"),
         (lambda: springs.function(lambda r: ca.if_else(r > -2, ca.sqrt(r + 3), r)), r"has no value .*\(-2,\)"),
         (lambda: gravity.formula("1 + 0.1*(sign(z - 3) + 1)"), "gravity .* jumps; write it as one smooth formula of z"),
     ],

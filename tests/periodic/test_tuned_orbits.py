@@ -129,7 +129,10 @@ def test_tuned_numbers_are_in_the_table_and_in_files(tmp_path):
             r"names 1 .*, and 2 are needed: one for each quantity of at = \['alpha', 'period'\]; choose among",
         ),
         ({"tune": "k"}, r"names 1 .*, and 0 are needed: one for each quantity of at = \[\]; leave 1 out, or prescribe"),
-        ({"at": {"alpha": 5.0}}, r"tune = \[\] names 0 parameters of the hopper, and 1 is needed: .*; choose among"),
+        (
+            {"at": {"alpha": 5.0}},
+            r"tune = \[\] names 0 of the parameters of the hopper, and 1 is needed: .*; choose among",
+        ),
         ({"tune": ("k", "k"), "at": {"alpha": 5.0}}, "each parameter once"),
         ({"tune": 3, "at": {"alpha": 5.0}}, "tune = 3; it must list names"),
         ({"tune": {"k": 2.0}, "at": {"alpha": 5.0}}, "search begins at their values in the machine"),

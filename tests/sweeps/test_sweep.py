@@ -214,7 +214,7 @@ class TestTuned:
     def test_bad_arguments_are_named(self):
         machine = Hopper("k*r", parameters={"k": 1.0})
         wrong = [
-            ({"tune": "k"}, r"tune = \['k'\] names 1 parameters of the hopper, and 0 are needed"),
+            ({"tune": "k"}, r"tune = \['k'\] names 1 of the parameters of the hopper, and 0 are needed"),
             ({"tune": "k", "at": {"clearance": 1.0}}, "at 'clearance': it depends on the whole motion"),
             ({"tune": "mass_ratio", "at": {"period": 9.0}}, "'mass_ratio' is varied"),
             ({"tune": "k", "at": {"period": 9.0}, "outcome": "fixed_points", "between": (1, 2)}, "those of orbits"),

@@ -646,7 +646,7 @@ def test_a_family_goes_along_a_quantity(orbits):
         ("find --spring k*r --tune k=1=2 --at alpha=5", "--tune 'k=1=2'"),
         ("find --spring k*r --tune k=1 --at alpha", "--at 'alpha' is not of the form NAME=VALUE"),
         ("find --spring k*r --tune k=1", "one for each quantity of at = []"),
-        ("follow --spring k*r --tune k=1 --along clearance --to 5", "found from the whole motion"),
+        ("follow --spring k*r --tune k=1 --along clearance --to 5", "depends on the whole motion"),
     ],
 )
 def test_bad_tuning_is_refused(orbits, line, text):

@@ -55,7 +55,7 @@ def test_tuned_members_have_the_frequency(orbits):
         assert member["k_error"] < 1e-11
         assert member["admissible"] is True
     refused = orbits("sweep --spring 'k*r' --tune k=1.5 --over mass_ratio=0.5,1,2")
-    words = "tune = ['k'] names 1 of the numbers of the hopper, and 0 are needed: one for each quantity of at = []"
+    words = "tune = ['k'] names 1 of the parameters of the hopper, and 0 are needed: one for each quantity of at = []"
     assert (refused.code, words in " ".join(refused.err.split())) == (2, True)
 
 

@@ -178,16 +178,16 @@ SI_ROWS = springs.table(springs.SAMPLE, in_si=True)
 @pytest.mark.parametrize(
     ("build", "words"),
     [
-        (lambda: Hopper(SI_ROWS), r"is in m and N, and this machine has no units: .*hopper_in_si"),
-        (lambda: rimless_wheel(spring=SI_ROWS), r"is in m and N, and this machine has no units"),
+        (lambda: Hopper(SI_ROWS), r"is in m and N, but this machine has no units: .*hopper_in_si"),
+        (lambda: rimless_wheel(spring=SI_ROWS), r"is in m and N, but this machine has no units"),
         (
             lambda: hopper_in_si(60.0, 3.0, force=springs.air()),
-            r"slope 1 at rest .* in SI: state its stiffness in N/m, for example stiffness=8000.0, and its lengths in m",
+            r"slope 1 at rest.* in SI: state its stiffness in N/m \(stiffness=8000.0\) and its lengths in m",
         ),
         (lambda: hopper_in_si(60.0, 3.0, force="tanh"), r"as a formula it is 'stiffness\*\(tanh\(b\*r\)/b\)'"),
         (
             lambda: hopper_in_si(60.0, 3.0, force=springs.bilinear()),
-            r"in SI: state its stiffness in N/m, for example stiffness=8000.0, and its lengths in m$",
+            r"in SI: state its stiffness in N/m \(stiffness=8000.0\) and its lengths in m$",
         ),
     ],
 )

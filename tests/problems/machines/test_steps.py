@@ -132,7 +132,7 @@ def test_what_is_no_such_machine(build, arguments, telling):
 def test_a_family_ends_where_its_machines_do():
     family = follow(rimless_wheel(angle=1.0), "angle", stop=1.3)
     assert max(point.value for point in family.points) == pytest.approx(math.pi / 3, abs=1e-4)
-    assert "for a rimless wheel it must lie between" in str(family)
+    assert "for a rimless wheel it must lie" in str(family)
 
 
 def test_a_launch_that_turns_a_block_over_has_no_next_one():

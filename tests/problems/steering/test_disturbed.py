@@ -137,7 +137,7 @@ def test_a_small_disturbance_grows_as_linearised():
         ({"launch_error": np.nan}, "launch_error = nan"),
         ({"launch_error": -5.0}, "a launch speed must be above 0"),
         ({"launch_error": 0.1, "state": [1.0, 4.0, 0.0, 0.0, 0.0]}, "give one of them"),
-        ({"state": [1.0]}, "it is 5 numbers"),
+        ({"state": [1.0]}, "it must be 5 numbers"),
         ({"dumping": 0.1}, "'dumping'"),
         ({"damping": -0.1}, "below 0"),
         ({"push": 3.0}, "push = 3.0; it is a time"),

@@ -94,7 +94,7 @@ def test_files(name, tmp_path, request):
         ({"statement": {"spring": "r + r**3"}}, "it belongs to another machine"),
         ({"statement": {"sprung": "r"}}, "unknown key 'sprung'"),
         ({"statement": {"parameters": 3}}, "parameters"),
-        ({"statement": 3}, "statement = 3; it is a table"),
+        ({"statement": 3}, "statement = 3; it must be a table"),
         ({"machine": {}}, "it belongs to another machine"),
     ],
 )
