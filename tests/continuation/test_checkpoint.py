@@ -71,7 +71,7 @@ def test_what_cannot_be_resumed_or_watched_is_said(softening_family):
         ({"stop": 1.0, "watch": {"fold": lambda orbit: 1.0}}, "with a name that nothing else has"),
         ({"stop": 1.0, "watch": [abs]}, "a mapping of names"),
         ({"stop": 1.0, "at": 0.5}, "a list of values"),
-        ({"stop": 1.0, "watch": {"word": lambda orbit: "x"}, "most": 1}, "watch 'word' gives 'x'"),
+        ({"stop": 1.0, "watch": {"word": lambda orbit: "x"}, "most": 1}, "watch 'word' returns 'x'"),
     ):
         with pytest.raises(InputError, match=message):
             follow(Hopper("cubic"), "beta", start=0.0, **question)

@@ -181,7 +181,7 @@ def test_what_is_not_followed_is_refused(low, quintic, tmp_path):
     with pytest.raises(InputError, match="from 0 upwards"):
         follow_event(low, "masses touch", "delta", 1.0, number=0.5)
     for event in (quintic.events[0], Event("enters", value=0.5, text="stroke <="), Event("fold")):
-        with pytest.raises(InputError, match="is none of this family"):
+        with pytest.raises(InputError, match="does not belong to this family"):
             follow_event(low, event, "delta", 1.0)
     with pytest.raises(InputError, match=r"within = .*; low must be below high"):
         follow_event(low, "masses touch", "delta", 1.0, within=(1.0, 0.0))
