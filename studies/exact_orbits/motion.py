@@ -135,8 +135,9 @@ class Problem(Formulas):
 
     def _happen(self, motion: Motion, event: Mapping[str, Any]) -> None:
         """Let an event happen."""
-        if len(motion.events) >= self.options.most_events:
-            raise CaseError(f"more than {self.options.most_events} events until {float(motion.time):g}")
+        earlier = motion.events[-self.options.most_events :]
+        if len(earlier) == self.options.most_events and motion.time - earlier[0].time < self.options.cluster:
+            raise CaseError(f"the events accumulate at {float(motion.time):g}: end the case before")
         names = self.names({"t": motion.time, **motion.state})
         reset = {name: self.value(text, names) for name, text in event.get("reset", {}).items()}
         before, known = motion.state, motion.state | reset
@@ -173,7 +174,7 @@ class Problem(Formulas):
         """Improve the unknowns of the orbit to all digits, by Newton's method, whose slopes are those to few digits."""
         if not self.unknowns:
             return
-        digits, rough, slopes = self.options.digits, self, None
+        digits, rough = self.options.digits, self
         if digits > self.options.rough_digits:
             rough = Problem(self.document, replace(self.options, digits=self.options.rough_digits))
             rough.unknowns = self.unknowns

@@ -36,14 +36,14 @@ class Options:
     orders_per_digit : of the series; the least work is near log(10)/2
     rough_digits : of the slopes of Newton's method, and of its first steps
     spare_digits : by which Newton's last step may be larger than the last digit
-    most_events : a motion of more fails
+    most_events : a motion with more of them at nearly one time fails
     """
 
     digits: int = 60
     orders_per_digit: float = 1.15
     rough_digits: int = 24
     spare_digits: int = 10
-    most_events: int = 1000
+    most_events: int = 4
 
     @property
     def order(self) -> int:
@@ -180,6 +180,8 @@ class Formulas:
             for name, slope in reversed(right.items()):  # speeds first, and then the places that they move
                 names[name] = found[name] = (forward * arb_series(slope(names))).integral() + x[name]
         exact = {name: arb_series([middle(c) for c in each.coeffs()]) for name, each in found.items()}
+        if not all(c.is_finite() for each in exact.values() for c in each.coeffs()):
+            raise CaseError(f"the derivatives of the mode {mode!r} have no value at the time {float(t):g}")
         return self.names({"t": clock, **exact})
 
     def step(self, series: Names, texts: list[str]) -> float:

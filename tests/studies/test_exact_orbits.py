@@ -183,6 +183,17 @@ def test_what_is_proved_is_about_the_numbers_of_the_case():
     assert proved > 15
 
 
+def test_a_motion_that_cannot_be_followed_is_refused():
+    ball = read(FOLDER / "cases" / "dragged_ball.json")
+    with pytest.raises(CaseError, match="events accumulate at 6"):
+        Problem(ball | {"end": "7"}).motion()
+    flight = ball["modes"]["flight"]
+    for text in ("log(y - 2)", "v/(y - 1)"):
+        rates = flight["derivatives"] | {"v": text}
+        with pytest.raises(CaseError, match="derivatives of the mode 'flight' have no value at the time 0"):
+            Problem(ball | {"modes": {"flight": flight | {"derivatives": rates}}}).motion()
+
+
 def polynomial(*zeros):
     """The polynomial with these zeros and the first coefficient 1, in sixty digits."""
     product = arb_poly([1])
