@@ -186,7 +186,7 @@ def test_what_is_not_followed_is_refused(low, quintic, tmp_path):
     with pytest.raises(InputError, match=r"within = .*; low must be below high"):
         follow_event(low, "masses touch", "delta", 1.0, within=(1.0, 0.0))
     asked = follow(quintic.source, "beta", -5e-3, at=[-5.5e-3])
-    with pytest.raises(InputError, match="one value on it"):
+    with pytest.raises(InputError, match="its parameter has one value"):
         follow_event(asked, "value", "delta", 1.0)
     with pytest.raises(InputError, match=r"Family.load\(path, machine\)"):
         follow_event(Family.load(asked.save(tmp_path / "a.json")), "value", "delta", 1.0)

@@ -125,7 +125,7 @@ class TestLaunches:
         for call in (lambda: simulate(machine, 0.5, hops=1), lambda: simulate(machine, 0.5, time=1.0)):
             with pytest.raises(InputError, match=r"alpha = 0\.5 is not a launch"):
                 call()
-        with pytest.raises(NoOrbit, match="is no launch"):
+        with pytest.raises(NoOrbit, match="is not a launch"):
             multiplier(machine, 0.5)
 
     def test_a_branch_that_ends_takes_no_other_launch_with_it(self):

@@ -170,7 +170,7 @@ def test_what_is_refused():
         follow(Hopper(), "inject", 0.07, "mass_ratio", 2.0)
     springy = Hopper("bilinear")
     alpha = 1.02 * find(springy).alpha
-    with pytest.raises(InputError, match="pieces of a law move with ratio"):
+    with pytest.raises(InputError, match="breakpoints of a law move with ratio"):
         follow(springy, "ratio", Bifurcation("flip", 3.0, (alpha,)), "mass_ratio", 2.0)
     with pytest.raises(NoOrbit, match="no impact is about to vanish"):
         follow(Hopper(), "inject", Bifurcation("border collision", FLIP.value, FLIP.alphas), "mass_ratio", 2.0)
