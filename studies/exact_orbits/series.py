@@ -86,11 +86,14 @@ def _functions(negligible: float) -> dict[str, Callable[..., Any]]:
             product = product * product * base if bit == "1" else product * product
         return product if whole >= 0 else 1 / product
 
+    def ratio(a: Any, b: Any) -> Any:
+        return a / b if sign_at_start(b, 0.0) else a + arb("nan")  # where flint raises an error for series
+
     def larger(a: Any, b: Any) -> Any:
         return a if sign_at_start(a - b, negligible) >= 0 else b
 
     found: dict[str, Callable[..., Any]] = {"Add": lambda a, b: a + b, "Sub": lambda a, b: a - b, "Pow": power}
-    found |= {"Mult": lambda a, b: a * b, "Div": lambda a, b: a / b, "USub": lambda a: -a}
+    found |= {"Mult": lambda a, b: a * b, "Div": ratio, "USub": lambda a: -a}
     found |= {"max": larger, "min": lambda a, b: -larger(-a, -b), "abs": lambda a: larger(a, -a)}
     return found | {
         name: lambda a, name=name: getattr(a, name)() for name in ("sin", "cos", "tan", "exp", "log", "sqrt")
