@@ -93,13 +93,14 @@ class _Followed:
             raise InputError(f"{name} = {found:g}: an energy is above that at the equilibrium, 0")
         return found / self._unit(ENERGY)
 
-    def _point(self, family: int, energy: float, steps: Steps, way: float = 1.0) -> tuple[OscillationCurve, Points]:
+    def _point(self, family: int, energy: float, way: float = 1.0) -> tuple[OscillationCurve, Points]:
         """The curve of a family and its point (1) at an energy, to which it is followed from its first one, and from
         which it goes on to larger energies, or for a `way` below 0 to smaller ones; raises `NoOrbit` where it does not
         come there."""
         oscillator = Oscillator(self.machine, self.near, below=DURATION in self.near)
         curve = near_motion(oscillator, self.near) if DURATION in self.near else near_rest(oscillator, family, energy)
         first = float(curve.first[-1])
+        steps = Steps(apart=np.inf)
         point = started(curve, curve.first[None], steps, np.sign(energy - first) or way)
         if not len(point):
             raise NoOrbit("the first oscillation of the family cannot be certified")
@@ -116,7 +117,7 @@ class _Followed:
         """The oscillation of an energy."""
         wanted, unit = self._energy("energy", energy), self._unit
         with without_units(self.units), interrupts.deferred():
-            _, point = self._point(family, wanted, Steps(apart=np.inf))
+            _, point = self._point(family, wanted)
         x, own, motion = point.xs[0], point.own[0], point.evaluation[point.places].trajectories[1]
         path = motion.only(self.states)[0]
         path = Trajectory(path.times, path.coefficients, path.names)
@@ -140,8 +141,11 @@ class _Followed:
         """The family between two energies."""
         begin, last = self._range(stop)
         requested, points, events = [self._energy("at", each) for each in at], list[Points](), list[Event]()
+        if outside := [each for each in requested if not min(begin, last) <= each <= max(begin, last)]:
+            value = at[requested.index(outside[0])]
+            raise InputError(f"at = {value:g} is not reached: it must lie between the first and the last energy")
         with without_units(self.units), interrupts.deferred():
-            curve, point = self._point(number, begin, steps, 1.0 if last > begin else -1.0)
+            curve, point = self._point(number, begin, 1.0 if last > begin else -1.0)
             try:
                 for item in Run(curve, point, last, behind=begin, at=requested, options=steps):
                     if isinstance(item, End):

@@ -193,8 +193,11 @@ def near_rest(oscillator: Oscillator, number: int, energy: float) -> Oscillation
     error: OrbitsError | None = None
     for _ in range(OSCILLATOR.attempts):
         x, weights, duration = guess(energy)
+        u = np.array([*x, duration, 0.0])
         try:
-            curve = _solved(oscillator, np.array([*x, duration, 0.0]), weights, energy)
+            if abs(_energy_of(oscillator, u) / energy - 1) > OSCILLATOR.other_energy:
+                raise NoOrbit(f"the normal mode has another energy than {energy:.3g}")
+            curve = _solved(oscillator, u, weights, energy)
             if abs(curve.first[-3] / duration - 1) < OSCILLATOR.same_period:
                 return curve
         except (NoOrbit, FlowError) as found:
@@ -211,13 +214,18 @@ def near_motion(oscillator: Oscillator, start: Mapping[str, float]) -> Oscillati
     speeds, rates = x[1::2], oscillator.moving.rates(x)[1::2]
     weights = rates - (rates @ speeds) / max(speeds @ speeds, np.finfo(float).tiny) * speeds
     if not (oscillator.bounces or np.linalg.norm(weights) > 1e-3 * np.linalg.norm(rates)):
-        raise InputError("start: its speeds grow in their own direction there; state the motion at another instant")
-    p = oscillator.with_weights(weights / max(np.linalg.norm(weights), np.finfo(float).tiny), 0.0)
-    energy = float(oscillator.equations.evaluate_all(u[None], p[None]).residual[0, 0])
+        raise InputError("start: its speeds do not turn there; state the motion at another instant, such as one at rest")
+    weights /= max(np.linalg.norm(weights), np.finfo(float).tiny)
     try:
-        return _solved(oscillator, u, p[-oscillator.n - 1 : -1], energy)
+        return _solved(oscillator, u, weights, _energy_of(oscillator, u))
     except (NoOrbit, FlowError) as error:
         raise NoOrbit(f"start leads to no oscillation of its energy; state one nearer to it. {error}") from None
+
+
+def _energy_of(oscillator: Oscillator, u: Array) -> float:
+    """The energy at the beginning of a motion with these unknowns."""
+    p = oscillator.with_weights(np.zeros(oscillator.n), 0.0)
+    return float(oscillator.equations.evaluate_all(u[None], p[None]).residual[0, 0])
 
 
 def _solved(oscillator: Oscillator, u: Array, weights: Array, energy: float) -> OscillationCurve:

@@ -43,6 +43,7 @@ class OscillatorOptions(NamedTuple):
     same_period: float = 1e-2  # share by which the period of the first motion may differ from that of its normal mode
     smaller: float = 1e-2  # ratio of an energy to the one before, at which the period differs more
     attempts: int = 12  # energies that are tried
+    other_energy: float = 0.1  # share by which the energy of a normal mode may be another one than that of a first motion
     resonance: float = 1e-6  # distance of a ratio of frequencies from a whole number that is rounding
     newton: int = 50  # steps to an equilibrium
     at_rest: float = 1e-13  # the last one, as a share of the places

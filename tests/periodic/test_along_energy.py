@@ -189,6 +189,7 @@ def test_results_are_saved_printed_and_tabulated(tmp_path):
         ((1.0, 2.0), {"start": 0.5}, "start = 0.5: a family along its energy has a range"),
         ((1.0, 1.0), {}, "there is no way between"),
         ((-1.0, 1.0), {}, "an energy is above that at the equilibrium"),
+        ((0.1, 1.0), {"at": [2.0]}, "at = 2 is not reached"),
         ((0.1, 1.0), {"families": (1, 2)}, "followed without families="),
         ((0.1, 1.0), {"method": "shooting"}, "followed without method="),
         ((0.1, 1.0), {"start": "hop.json"}, "starts at an energy, or at numbers of a motion"),
