@@ -144,11 +144,18 @@ class OscillationCurve(Problem):
         after = ca.vertcat(*elastic(machine.model, ca.vertsplit(x), machine.values))
         return ca.Function("reset", [x], [ca.densify(ca.jacobian(after, x))])
 
+    def closes_after(self, share: float) -> bool:
+        """Whether the first motion is at its beginning again after a share of its duration."""
+        found = self.oscillator.equations.evaluate_all(self.first[None, :-1], self.parameters_at(self.first[None]))
+        path = found.trajectories[1].only(self.oscillator.states)[0]
+        moved = (path(share * self.first[-3]) - path(0.0)) / self.oscillator.sizes(self.first[None])[0, : 2 * self.n]
+        return bool(np.abs(moved).max() < OSCILLATOR.closed)
+
     def lost(self, lane: int, passed: Any, error: object) -> Start | End:
         last = passed[-1][-1:]
         duration, _, energy = (last.tangents / self.size(last.lanes, last.xs))[0, -3:]
         if abs(energy) < OSCILLATOR.hangs * duration:
-            text = "it stays ever longer near an unstable equilibrium as its energy tends to {energy:.10g}"
+            text = "it stays ever longer near an unstable equilibrium; the last energy found is {energy:.6g}"
             return End("homoclinic", Message(text, energy=Quantity(float(last.values[0]), ENERGY)), lane=lane)
         return End("stuck", error if isinstance(error, str) else Message("{error}", error=error), lane=lane)
 
@@ -217,9 +224,14 @@ def near_motion(oscillator: Oscillator, start: Mapping[str, float]) -> Oscillati
         raise InputError("start: its speeds do not turn there; state the motion at another instant, such as one at rest")
     weights /= max(np.linalg.norm(weights), np.finfo(float).tiny)
     try:
-        return _solved(oscillator, u, weights, _energy_of(oscillator, u))
+        curve = _solved(oscillator, u, weights, _energy_of(oscillator, u))
     except (NoOrbit, FlowError) as error:
         raise NoOrbit(f"start leads to no oscillation of its energy; state one nearer to it. {error}") from None
+    for count in () if oscillator.bounces else OSCILLATOR.periods:
+        if curve.closes_after(1 / count):
+            first = dict(zip((*oscillator.states, DURATION), curve.first.tolist(), strict=False))
+            return near_motion(oscillator, first | {DURATION: first[DURATION] / count})
+    return curve
 
 
 def _energy_of(oscillator: Oscillator, u: Array) -> float:

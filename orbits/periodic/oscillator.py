@@ -45,6 +45,8 @@ class OscillatorOptions(NamedTuple):
     attempts: int = 12  # energies that are tried
     other_energy: float = 0.1  # share by which the energy of a normal mode may be another one than that of a first motion
     resonance: float = 1e-6  # distance of a ratio of frequencies from a whole number that is rounding
+    periods: tuple[int, ...] = (2, 3, 5, 7)  # a stated duration may be as many periods, and multiples of these
+    closed: float = 1e-6  # a motion that returns nearer to its beginning, in units, does so exactly
     newton: int = 50  # steps to an equilibrium
     at_rest: float = 1e-13  # the last one, as a share of the places
     turns: float = 1e-9  # a period that changes less along the curve, in units, has no longest or shortest value
