@@ -131,7 +131,7 @@ def test_questions_that_cannot_be_meant():
         "a second parameter": ("beta", (-1, 1), "beta", [1.0]),
         "no parameter 'gamma'": ("beta", (-1, 1), "gamma", [0.0]),
         "low must be below high": ("beta", (1, -1), "delta", [0.0]),
-        "is a range": ("beta", [1.0, 2.0], "delta", [0.0]),
+        "must be a range": ("beta", [1.0, 2.0], "delta", [0.0]),
         "has no values": ("beta", (-1, 1), "delta", []),
     }.items():
         with pytest.raises(InputError, match=text):

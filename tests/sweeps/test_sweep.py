@@ -217,7 +217,7 @@ class TestTuned:
             ({"tune": "k"}, r"tune = \['k'\] names 1 of the parameters of the hopper, and 0 are needed"),
             ({"tune": "k", "at": {"clearance": 1.0}}, "at 'clearance': it depends on the whole motion"),
             ({"tune": "mass_ratio", "at": {"period": 9.0}}, "'mass_ratio' is varied"),
-            ({"tune": "k", "at": {"period": 9.0}, "outcome": "fixed_points", "between": (1, 2)}, "those of orbits"),
+            ({"tune": "k", "at": {"period": 9.0}, "outcome": "fixed_points", "between": (1, 2)}, "apply to orbits"),
         ]
         for options, words in wrong:
             with pytest.raises(InputError, match=words):
