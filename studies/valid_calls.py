@@ -8,6 +8,7 @@ import json
 import random
 import tempfile
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from functools import cache
 from inspect import Parameter, signature
 from itertools import islice
@@ -225,6 +226,12 @@ def calls(name: str, rng: random.Random) -> dict[str, Callable[[], tuple[Callabl
         "formula": lambda: (springs.formula, {"text": "r + beta*r**3"}),
         "follow.multipliers": lambda: (
             follow, {"machine": own, "along": p, "stop": 1.05 * value, "longest": 0.5, "multipliers": True},
+        ),
+        "follow.energy": lambda: (
+            follow, {"machine": own, "along": "energy", "stop": (0.01, 0.1), "family": 1, "at": [0.05], "longest": 0.5},
+        ),
+        "find.energy": lambda: (
+            orbits.find, {"machine": replace(own, restitution=1.0) if name == "cubic" else own, "at": {"energy": 0.1}},
         ),
         "follow.tuned": lambda: (
             follow, {"machine": machine("runner"), "along": "speed", "stop": 0.41, "start": orbit("runner"),

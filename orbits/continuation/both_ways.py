@@ -33,7 +33,7 @@ def both_ways(
     of the way ahead until the whole curve is written to it.
     """
     ahead, halves = resume, [progress and (lambda share, of=of: progress((of + share) / 2)) for of in (0, 1)]
-    if resume is None or resume.end.kind in OPEN:
+    if not isinstance(resume, Family) or resume.end.kind in OPEN:  # what is no family is refused by `begin`
         run = begin(bounds, resume)
         if resume.beginning is None if resume else run.behind == run.start:
             return collect(run, resume, output, progress)

@@ -159,7 +159,7 @@ def follow(
         if not (start is None or isinstance(start, Real | Mapping)):
             raise InputError("a family along its energy starts at an energy, or at numbers of a motion by name")
         steps = options.steps(step_control.largest_batch)
-        return follow_energy(machine, stop, start, family, options.at, steps, progress)
+        return follow_energy(machine, stop, start, family_number(family), options.at, steps, progress)
 
     def followed(number: int, progress: Progress) -> Family:
         def begun(stop: Stop, resume: Family | None) -> FamilyRun:

@@ -13,8 +13,18 @@ from ..records import NONE
 from ..result import Progress
 from ..running import TimeOver, interrupts
 from ..symbolic import suggest
-from ..units import ENERGY, FREQUENCY, TIME, in_units, without_units
-from .oscillation_curve import APART, DRIFT, ERROR, MARGIN, MULTIPLIERS, RESIDUAL, OscillationCurve, near_motion, near_rest
+from ..units import ENERGY, FREQUENCY, TIME, Message, Quantity, in_units, without_units
+from .oscillation_curve import (
+    APART,
+    DRIFT,
+    ERROR,
+    MARGIN,
+    MULTIPLIERS,
+    RESIDUAL,
+    OscillationCurve,
+    near_motion,
+    near_rest,
+)
 from .oscillations import MARGINS, Oscillation, OscillationEvent, OscillationFamily
 from .oscillator import DURATION, Oscillator, is_elastic, refuse_oscillator
 
@@ -23,7 +33,6 @@ DIMENSIONS_OF_OSCILLATIONS = {
     **{"energy": ENERGY, "frequency": FREQUENCY},
     **dict.fromkeys(("period", "error", "time", DURATION), TIME),
 }
-
 
 
 def follow_energy(
@@ -109,7 +118,9 @@ class _Followed:
             end = next(item for item in run if isinstance(item, End))
             point = run.passed(0)[-1][-1:]
             if point.values[0] != energy:
-                raise NoOrbit(f"the family does not come to the energy {energy:.6g}: {end.kind}, {end.reason}")
+                text = "the family does not come to the energy {energy:.6g}: {kind}, {reason}"
+                energy_there = Quantity(energy, ENERGY)
+                raise NoOrbit(Message(text, energy=energy_there, kind=end.kind, reason=end.reason))
             point = started(curve, point.xs, steps, way)
         return curve, point
 
@@ -158,13 +169,9 @@ class _Followed:
                             progress(min(max(float(item.values[-1] - begin) / (last - begin), 0.0), 1.0))
             except TimeOver as over:
                 end = End("interrupted", str(over))
-        xs, own, unit = (
-            np.concatenate([each.xs for each in points]),
-            np.concatenate([each.own for each in points]),
-            self._unit,
-        )
+        unit, n, own = self._unit, len(self.states), np.concatenate([each.own for each in points])
         sizes = np.array([*map(unit, self.states), unit(TIME), 1.0, unit(ENERGY)])
-        xs, n = xs * sizes, len(self.states)
+        xs = np.concatenate([each.xs for each in points]) * sizes
         if end.kind == "reached":
             end = End("reached", f"{xs[-1, -1]:g} {self._texts().get('energy', '')}".rstrip())
         return OscillationFamily(

@@ -79,11 +79,11 @@ def find(
     >>> round(orbit.alpha, 9), orbit.admissible
     (2.936459188, True)
     """
-    if tune is None and at is not None and [*at] == [ENERGY_OF_CYCLE]:
+    if tune is None and isinstance(at, Mapping) and [*at] == [ENERGY_OF_CYCLE]:
         if method is not None or not (start is None or isinstance(start, Mapping)):
             raise InputError("an oscillation is found without a method=, and from a start= of numbers by name")
         with time_limit(limit):
-            return find_oscillation(machine, at[ENERGY_OF_CYCLE], start, family_number(family or 1))
+            return find_oscillation(machine, at[ENERGY_OF_CYCLE], start, family_number(1 if family is None else family))
     check_machine(machine)
     number = None if family is None else family_number(family)
     if isinstance(start, str | Path):

@@ -99,8 +99,8 @@ class OscillationCurve(Problem):
         return points.having(own=np.hstack([numbers, multipliers.real, multipliers.imag])), refused
 
     def _margins(self, motions: Trajectories) -> tuple[Array, Array]:
-        """What may not become negative over motions (m,): the least clearance of a bounce or the least contact force, and
-        the least separation (m,); `NONE` without one."""
+        """What may not become negative over motions (m,): the least clearance of a bounce or the least contact force,
+        and the least separation (m,); `NONE` without one."""
         machine, bounces = self.oscillator.machine, self.oscillator.bounces
         margins = apart = np.full(len(motions), NONE)
         if bounces:
@@ -195,7 +195,7 @@ def near_rest(oscillator: Oscillator, number: int, energy: float) -> Oscillation
     if oscillator.bounces and number > 1:
         raise InputError(f"family = {number}: one family of bounces begins at the equilibrium")
     if not 1 <= number <= oscillator.n:
-        raise InputError(f"family = {number}: this machine has {oscillator.n} normal modes, by rising frequency")
+        raise InputError(f"family = {number}: the normal modes of this machine are numbered from 1 to {oscillator.n}")
     guess = oscillator.bounce if oscillator.bounces else oscillator.mode(number)
     error: OrbitsError | None = None
     for _ in range(OSCILLATOR.attempts):

@@ -16,22 +16,10 @@ import numpy as np
 
 from ..errors import NoOrbit
 from ..flow import flow_of
-from ..model import (
-    Machine,
-    Phase,
-    check_machine,
-    dimensionless,
-    refuse_hysteresis,
-    refuse_steps,
-)
+from ..model import Machine, Phase, check_machine, dimensionless, refuse_hysteresis, refuse_steps
 from ..numerics import Array
-from ..shooting import (
-    Shooting,
-    moving_phase,
-    parameters_of_cycle,
-    shooting_equations,
-    whole_cycle,
-)
+from ..shooting import Shooting, moving_phase, parameters_of_cycle, shooting_equations, whole_cycle
+from ..units import Message, described
 from .energy_changes import gradients
 
 DURATION = "duration"
@@ -67,7 +55,7 @@ def refuse_oscillator(machine: Machine) -> None:
     if not model.conservative:
         raise NoOrbit(f"this {model.name} is damped or driven: no motion of it keeps its energy; set the damping to 0")
     if is_elastic(machine):
-        refuse_steps(model, "a bounce")
+        refuse_steps(model, "a family of bounces")
     if not model.contact.states:
         raise NoOrbit(f"nothing of a {model.name} moves while it stands: it has no oscillations")
 
@@ -163,8 +151,9 @@ class Oscillator:
                 x[::2] = before + step
             if np.abs(step).max() <= OSCILLATOR.at_rest * max(np.abs(x).max(), 1e-3):
                 return x
-        place = ", ".join(f"{name} = {near.get(name, 0.0):g}" for name in names[::2])
-        raise NoOrbit(f"no equilibrium is found near {place}: state one nearby, start={{'{names[0]}': ...}}")
+        place = described(names[::2], [near.get(name, 0.0) for name in names[::2]])
+        text = "no equilibrium is found near {place}: state places near one, start={{'{name}': ...}}"
+        raise NoOrbit(Message(text, place=place, name=names[0]))
 
     @property
     def _at_rest(self) -> Array:
@@ -207,11 +196,11 @@ class Oscillator:
         frequencies, place = self.modes.frequencies, self.states[0]
         frequency = float(frequencies[number - 1])
         if np.isnan(frequency):
-            at = ", ".join(f"{name} = {y:.6g}" for name, y in zip(self.states[::2], self.rest, strict=True))
-            raise NoOrbit(
-                f"the equilibrium {at} is not stable along normal mode {number}, which does not oscillate; state "
-                f"another equilibrium by places near it, start={{'{place}': ...}}, or another mode, family="
+            text = (
+                "the equilibrium {at} is not stable along normal mode {number}, which does not oscillate: state places "
+                "near another equilibrium, start={{'{place}': ...}}, or another mode, family="
             )
+            raise NoOrbit(Message(text, at=described(self.states[::2], self.rest), number=str(number), place=place))
         ratios = np.delete(frequencies, number - 1) / frequency
         ratios = ratios[np.isfinite(ratios)]
         whole = np.round(ratios)

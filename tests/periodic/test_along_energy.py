@@ -33,6 +33,7 @@ def test_the_backbone_curve_of_the_free_duffing_oscillator():
     assert backbone.energy_drifts.max() < 1e-14
 
 
+@pytest.mark.slow
 def test_a_pendulum_in_si_up_to_its_separatrix():
     backbone = follow(pendulum(), "energy", (1e-3, 25.0), **WIDE)
     known = backbone.energies < 19.6
@@ -104,6 +105,7 @@ def test_bifurcations_of_the_straight_orbit_of_henon_and_heiles():
         assert abs(end[2] + end[5] - trace) < 1e-7
 
 
+@pytest.mark.slow
 def test_a_double_pendulum_against_dop853():
     machine = double_pendulum()
     orbit = find(machine, 2, at={"energy": 1.0})

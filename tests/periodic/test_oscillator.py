@@ -67,7 +67,7 @@ def test_collisions_of_multipliers(angles, sign):
         (Mechanism(("u",), [Spring("u"), Damper("u", 0.1)], gap=None, inertia={"u": 1.0}), {}, NoOrbit, "damped"),
         (Mechanism(("u",), [Potential("u**4/4 - u**2/2")], gap=None, inertia={"u": 1.0}), {}, NoOrbit,
          "the equilibrium u = 0 is not stable along normal mode 1"),
-        (pendulum(), {"family": 2}, InputError, "this machine has 1 normal modes"),
+        (pendulum(), {"family": 2}, InputError, "the normal modes of this machine are numbered from 1 to 1"),
         (Mechanism(("u",), [Potential("exp(u)")], gap=None, inertia={"u": 1.0}), {}, NoOrbit, "no equilibrium"),
         (henon_heiles(), {"start": {"x": 0.2, "y": 0.05, "duration": 6.3}}, NoOrbit, "start leads to no oscillation"),
         (henon_heiles(), {"start": {"z": 0.2}}, InputError, "start has no 'z'"),
