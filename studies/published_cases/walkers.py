@@ -240,7 +240,7 @@ CASES = (
         "Simplest walker",
         "multipliers: long step (real and imaginary part), short step; slope 0.009",
         GARCIA,
-        "printed in a program for it, by coarse differences: another integration has -0.19010 and 0.55760",
+        "printed in a program for it; another integration has -0.19010 and 0.55760, as ours",
         ["-0.19121", "0.55633", "4.000", "0.459"],
         multipliers_of_gaits,
         within=5e-3,

@@ -17,7 +17,7 @@ from studies.exact_orbits.build import with_table
 from studies.exact_orbits.check import check
 from studies.exact_orbits.motion import Problem
 from studies.exact_orbits.series import CaseError, read
-from studies.exact_orbits.toolkit import compared
+from studies.exact_orbits.toolkit import COMPARED, compared
 from studies.exact_orbits.zeros import first_crossing
 
 FOLDER = Path(__file__).parents[2] / "studies" / "exact_orbits"
@@ -100,9 +100,10 @@ def test_programs_agree_on_a_lossless_hop_and_on_a_bouncing_ball():
         assert each["after"]["v"] == pytest.approx(first * 0.8 ** (n + 1), rel=4e-16)
 
 
-@pytest.mark.parametrize("name", ["wheel", "housner", "impact_graze", "spinning_bounces"])
+@pytest.mark.parametrize("name", ["wheel", "housner", "impact_graze", "spinning_bounces", "dragged_ball"])
 def test_machines_and_closed_forms_move_as_cases_say(name):
     """Without the second program: machines from masses, springs and gaps, against equations by hand."""
+    assert {path.stem for path in CASES} == COMPARED.keys()
     assert not [each for each in compared(FOLDER / "cases" / f"{name}.json") if not each.agrees]
 
 
