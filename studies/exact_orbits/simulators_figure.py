@@ -61,7 +61,7 @@ def draw(results: Mapping[str, Any], by: str, cases: Sequence[str], titles: Mapp
             for order, at in ((1, 0.3), (2, 1e-2)):
                 label = f"order {order}" if i == 1 else None
                 axes.loglog(x, at * (x / x[1]) ** order, ":" if order == 1 else "-.", color="0.5", lw=1, label=label)
-        limits = {"xlim": (3e-6, 3e-3), "ylim": (1e-10, 10)} if stepped else {"xlim": (1e-3, 1), "ylim": (1e-16, 10)}
+        limits = {"xlim": (1e-6, 3e-3), "ylim": (1e-11, 10)} if stepped else {"xlim": (1e-3, 5), "ylim": (1e-16, 10)}
         label = "step over duration" if stepped else "processor time (s)"
         axes.set(title=titles[case], xlabel=label, ylabel="error", **limits)
     for below, of in ((panels[2], panels[0]), (panels[3], panels[1])):
