@@ -1,9 +1,8 @@
 """The form of a saved proof, and the statement that follows from its data, for the program that verifies it.
 
 A number is text of decimal digits, never a number of JSON, which readers take as the nearest double. `check_form`
-checks that a file has the fields that are verified, each of its type, and no more. `statement_of` writes the theorem in
-words from the data alone, without the prover's wording. This text is verified, and the file's `statement` must equal
-it.
+checks that a file has the verified fields, each of its type, and no more. `statement_of` writes the theorem in words
+from the data alone. This text is verified, and the file's `statement` must equal it.
 """
 
 import re
