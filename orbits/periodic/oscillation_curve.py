@@ -221,7 +221,9 @@ def near_motion(oscillator: Oscillator, start: Mapping[str, float]) -> Oscillati
     speeds, rates = x[1::2], oscillator.moving.rates(x)[1::2]
     weights = rates - (rates @ speeds) / max(speeds @ speeds, np.finfo(float).tiny) * speeds
     if not (oscillator.bounces or np.linalg.norm(weights) > 1e-3 * np.linalg.norm(rates)):
-        raise InputError("start: its speeds do not turn there; state the motion at another instant, such as one at rest")
+        raise InputError(
+            "start: its speeds do not turn there; state the motion at another instant, such as one at rest"
+        )
     weights /= max(np.linalg.norm(weights), np.finfo(float).tiny)
     try:
         curve = _solved(oscillator, u, weights, _energy_of(oscillator, u))

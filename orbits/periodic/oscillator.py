@@ -31,7 +31,7 @@ class OscillatorOptions(NamedTuple):
     same_period: float = 1e-2  # share by which the period of the first motion may differ from that of its normal mode
     smaller: float = 1e-2  # ratio of an energy to the one before, at which the period differs more
     attempts: int = 12  # energies that are tried
-    other_energy: float = 0.1  # share by which the energy of a normal mode may be another one than that of a first motion
+    other_energy: float = 0.1  # share by which the energies of a normal mode and of a first motion may differ
     resonance: float = 1e-6  # distance of a ratio of frequencies from a whole number that is rounding
     periods: tuple[int, ...] = (2, 3, 5, 7)  # a stated duration may be as many periods, and multiples of these
     closed: float = 1e-6  # a motion that returns nearer to its beginning, in units, does so exactly

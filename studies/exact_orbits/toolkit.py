@@ -13,7 +13,7 @@ PROOFS = hoppers.PROOFS | machines.PROOFS
 
 
 def compared(path: Path) -> Iterator[Comparison]:
-    """Compare the numbers of a case with the toolkit's, or with those of `closed_forms` where it cannot state the machine."""
+    """Compare the numbers of a case with the toolkit's, or where it cannot state the machine with `closed_forms`."""
     yield from COMPARED[path.stem](Case(path))
 
 
