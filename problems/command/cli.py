@@ -101,15 +101,15 @@ THUMBNAILS = 6
 def orbits() -> None:
     """Motions of hopping and juggling machines that lose no energy, although their collisions are plastic.
 
-    A spring's force is a formula of its extension r, gravity a formula of the height z; every other name in them is a
-    parameter, whose value is set by --set. Lengths are in units of the foot's weight over the stiffness; a machine
-    with --masses, or whose file has [si], is in SI, and its masses are parameters too.
+    The force of a spring is a formula of its extension r, and gravity is a formula of the height z. Every other name
+    in a formula is a parameter; --set states its value. The unit of length is the foot's weight over the stiffness.
+    With --masses, or with a table [si] in its file, a machine is in SI, and its masses are parameters too.
     """
 
 
 @orbits.command("find", epilog="Exit code: 0 found, 1 no such orbit or an inadmissible one, 2 bad input.")
 @options.machine_options
-@options.family_option("Oscillations in flight, from 1.")
+@options.family_option("Number of the family, from 1. A higher family oscillates more often in flight.")
 @options.method_option
 @options.start_option
 @options.tune_option
@@ -127,7 +127,7 @@ def find_command(
     allow_inadmissible: bool, limit: float | None, as_json: bool, explain: bool, plot: str | None, animate: str | None,
     save: str | None, export: str | None, **stated: Any,
 ) -> None:  # fmt: skip
-    """Find one lossless orbit and certify it. With --tune and --at, numbers of the machine are found too."""
+    """Find one lossless orbit and certify it. With --tune and --at, parameters of the machine are found too."""
     from orbits.errors import InputError
     from orbits.periodic import Oscillation, find
 
@@ -150,34 +150,38 @@ def find_command(
     if explain and not as_json:
         from orbits.tables import wrapped
 
-        click.echo("  what this scene did not need:")
+        click.echo("  what this machine did not need:")
         for line in orbit.skipped:
             click.echo("\n".join(wrapped(line, indent="      ", onward="        ")))
     if not orbit.admissible and not allow_inadmissible:
         raise click.exceptions.Exit(1)
 
 
-@orbits.command("prove", epilog="Exit code: 0 all is proved, 1 not all or no such orbit, 2 bad input.")
+@orbits.command("prove", epilog="Exit code: 0 proved, 1 not proved or no such orbit, 2 bad input.")
 @options.machine_options
-@options.family_option("As in find.")
+@options.family_option("Number of the family, as in find.")
 @options.start_option
 @click.option(
     "--between",
     "intervals",
     metavar="NAME=LOW:HIGH",
     multiple=True,
-    help="An interval of a parameter, between decimals; repeatable.",
+    help="Interval of a parameter, between two decimals; repeatable.",
 )
 @click.option("--digits", type=click.IntRange(1, 300), metavar="N", help="Digits to enclose; default: about 18.")
 @click.option("--loss", is_flag=True, help="Enclose the loss coefficient too.")
-@click.option("--attraction", is_flag=True, help="Prove that launches above alpha come to it, up to some distance.")
 @click.option(
-    "--inject", metavar="EPS", help="Prove a fixed point of the return map with this added to every launch speed."
+    "--attraction", is_flag=True, help="Prove that the orbit attracts the launches above it, up to a distance."
+)
+@click.option(
+    "--inject", metavar="EPS", help="Prove a fixed point of the return map with this speed added at every launch."
 )
 @click.option("--near", type=float, metavar="ALPHA", help="With --inject: a launch speed near the fixed point.")
 @click.option("--along", metavar="NAME", help="Prove the family along a parameter as one curve, with its folds.")
-@click.option("--from", "start", type=float, metavar="A", help="The parameter's first value; default: that of --set.")
-@click.option("--to", "stop", type=float, metavar="B", help="The parameter's last value.")
+@click.option(
+    "--from", "start", type=float, metavar="A", help="First value of the parameter; default: the value of --set."
+)
+@click.option("--to", "stop", type=float, metavar="B", help="Last value of the parameter.")
 @options.tune_option
 @options.at_option
 @options.limit_option
@@ -191,13 +195,12 @@ def prove_command(
 ) -> None:  # fmt: skip
     """Prove by interval arithmetic that a lossless orbit exists, that no other is nearby, and that it is a motion.
 
-    With --inject and --near, a fixed point of the return map is proved instead, and whether it is stable.
+    With --inject and --near, prove a fixed point of the return map instead, and whether it is stable.
 
-    The numbers of --set and --between are the exact decimals that are written; other numbers are the shortest decimals
-    of floats. With --between the theorem holds for each value of a parameter between two decimals; with --along the
-    orbits between two values of a parameter are proved to be one curve. With --tune and --at, numbers of the machine
-    are unknowns of the theorem, and quantities have exactly the decimals that are written. Needs python-flint:
-    pip install 'persistent-orbits[proof]'.
+    --set, --between and --at state exact decimals; every other number is the shortest decimal of its float. With
+    --between the theorem holds for each value of a parameter between two decimals. With --along the theorem says that
+    the orbits between two values of a parameter form one curve. The parameters of --tune are unknowns of the theorem.
+    This command needs python-flint: pip install 'persistent-orbits[proof]'.
     """
     from orbits.errors import InputError
     from orbits.exact import BY_EQUATIONS
@@ -239,7 +242,7 @@ def prove_command(
         raise click.exceptions.Exit(1)
 
 
-@orbits.command("check-proof", epilog="Exit code: 0 verified, 1 not, 2 bad input, 3 a fault of the second program.")
+@orbits.command("check-proof", epilog="Exit code: 0 verified, 1 not verified, 2 bad input, 3 a fault of the program.")
 @click.argument("file")
 @click.option(
     "--limit",
@@ -249,9 +252,9 @@ def prove_command(
 )
 @options.json_option
 def check_proof_command(file: str, limit: float | None, as_json: bool) -> None:
-    """Verify a saved proof of an orbit, or of hops that come back, by a second program that reads only this file.
+    """Verify a saved proof of an orbit, or of periodic hops, by a second program that reads only this file.
 
-    It prints the theorem that it has verified, in words that it writes from the numbers of the file.
+    The program prints the theorem that it has verified. It writes the words itself, from the numbers of the file.
     """
     from traceback import format_exc
 
@@ -290,27 +293,33 @@ COLUMNS_OF_HOPS = {"alpha": "launch speed", "next": "next", "loss": "loss"}
 
 @orbits.command(
     "follow",
-    epilog="Exit code: 0 followed to its end, 1 no such orbit, the curve was lost or took too long, 2 bad input.",
+    epilog="Exit code: 0 followed to its end; 1 no such orbit, or the curve was lost or took too long; 2 bad input.",
 )
 @options.machine_options
-@options.family_option("As in find.")
+@options.family_option("Number of the family, as in find.")
 @click.option(
     "--along",
     required=True,
     metavar="NAME",
-    help="The parameter: a law's, mass_ratio or rest_length; in SI also a mass, stiffness or surface_gravity. With "
-    "--tune a quantity of the orbits: period, frequency, alpha, ...; or energy, of oscillations on the standing foot.",
+    help="The parameter: one of a law, mass_ratio or rest_length; in SI also a mass, stiffness or surface_gravity. "
+    "With --tune, a quantity of the orbits: period, frequency, alpha, .... With energy, the oscillations on the "
+    "standing foot are followed.",
 )
-@click.option("--from", "start", type=float, metavar="A", help="Its first value; default: that of --set.")
 @click.option(
-    "--to", "stop", required=True, metavar="B|A:B", help="Its last value, or a range, both ways from the first value."
+    "--from", "start", type=float, metavar="A", help="First value of the parameter; default: the value of --set."
 )
+@click.option(
+    "--to", "stop", required=True, metavar="B|A:B",
+    help="Last value of the parameter, or a range, which is followed both ways from the first value.",
+)  # fmt: skip
 @options.tune_option
-@click.option("--at", metavar="V1,V2,...", help="Values to hit exactly.")
-@click.option("--longest", type=float, default=0.02, show_default=True, help="Largest spacing, a share of the range.")
+@click.option("--at", metavar="V1,V2,...", help="Values of the parameter to hit exactly.")
+@click.option(
+    "--longest", type=float, default=0.02, show_default=True, help="Largest spacing of points, as a share of the range."
+)
 @options.start_option
 @click.option("--method", metavar="NAME", help="As in find.")
-@click.option("--stop-inadmissible", is_flag=True, help="End where the orbits are not motions any more.")
+@click.option("--stop-inadmissible", is_flag=True, help="End where the orbits cease to be motions.")
 @click.option("--multipliers", is_flag=True, help="Locate where multipliers cross the unit circle.")
 @options.free_limit_option
 @options.json_option
@@ -321,19 +330,21 @@ COLUMNS_OF_HOPS = {"alpha": "launch speed", "next": "next", "loss": "loss"}
 @click.option(
     "--event",
     metavar="EVENT",
-    help="Follow an event of the family along --second instead: a kind, as fold or 'masses touch', a formula with its "
-    "value, as clearance=0.1, or 'extremum of alpha'.",
+    help="Follow an event of the family along --second instead: a kind, such as fold or 'masses touch'; a formula "
+    "with its value, such as clearance=0.1; or 'extremum of alpha'.",
 )
-@click.option("--second", metavar="NAME=STOP", help="The second parameter, from its own value, and its last value.")
-@click.option("--families", metavar="N1,N2,...", help="Several families instead of one, in one table and figure.")
+@click.option("--second", metavar="NAME=STOP", help="The second parameter, which goes from its own value to STOP.")
+@click.option("--families", metavar="N1,N2,...", help="Follow several families, in one table and figure.")
 def follow_command(
     family: int, along: str, start: float | None, stop: str, tune: tuple[str, ...], at: str | None, longest: float,
     hop: str | None, method: str | None, stop_inadmissible: bool, multipliers: bool, as_json: bool, plot: str | None,
     output: str | None, save: str | None, resume: str | None, event: str | None, second: str | None,
     families: str | None, **stated: Any,
 ) -> None:  # fmt: skip
-    """Follow a family of orbits along a parameter, past folds, to its end; or an event of it in two parameters; or
-    several families."""
+    """Follow a family of orbits along a parameter, past folds, to its end.
+
+    It can also follow several families, or an event of a family in two parameters.
+    """
     from orbits.continuation import Family, follow
     from orbits.periodic import QUANTITIES_ALONG, OscillationFamily
     from orbits.shooting import ENERGY_OF_CYCLE
@@ -385,36 +396,43 @@ def follow_command(
         raise click.exceptions.Exit(1)
 
 
-@orbits.command("map", epilog="Exit code: 0 done, also for hops that come to rest; 2 bad input.")
+@orbits.command("map", epilog="Exit code: 0 done, even if hops come to rest; 2 bad input.")
 @options.machine_options
 @options.loss_options
-@click.option("--alpha", metavar="A|A:B:N", help=f"A launch speed, or N of them from A to B{options.IN_UNITS}")
+@click.option("--alpha", metavar="A|A:B:N", help=f"A launch speed, or N launch speeds from A to B{options.IN_UNITS}")
 @options.start_option
 @options.free_limit_option
 @options.json_option
 @options.file_option("--plot", "figure", "Write a figure of the map from A to B (.png, .pdf, .svg).")
 @click.option("--cobweb", type=float, metavar="A0", help="Draw the hops from this launch speed into the figure.")
-@click.option("--basins", is_flag=True, help="Find what the launches from A to B come to, and how many of them.")
-@click.option("--all", "whole", is_flag=True, help=f"Print every launch, even more than {LONGEST_TABLE}.")
-@click.option("--cap", type=click.IntRange(1), default=2000, show_default=True, help="Most impacts in one hop.")
+@click.option(
+    "--basins", is_flag=True, help="Find where the launches from A to B lead, and what share of them leads there."
+)
+@click.option("--all", "whole", is_flag=True, help=f"Print every launch, even if there are more than {LONGEST_TABLE}.")
+@click.option("--cap", type=click.IntRange(1), default=2000, show_default=True, help="Bound on the impacts in one hop.")
 @click.option(
     "--along",
     metavar="NAME",
     help="Follow the map's fixed points between A and B along inject, restitution, damping or another parameter.",
 )
-@click.option("--from", "start", type=float, metavar="V", help="The parameter's first value.")
-@click.option("--to", "stop", type=float, metavar="W", help="Its last value.")
-@click.option("--attractor", type=click.IntRange(0), metavar="N", help="Number of values with the attractor computed.")
+@click.option("--from", "start", type=float, metavar="V", help="First value of the parameter.")
+@click.option("--to", "stop", type=float, metavar="W", help="Last value of the parameter.")
+@click.option(
+    "--attractor", type=click.IntRange(0), metavar="N", help="Number of values at which to compute the attractor."
+)
 @options.file_option("--save", "result", "Save the diagram: .json, or its points as .csv.")
 def return_map(
     alpha: str | None, hop: str | None, inject: float, as_json: bool, plot: str | None, cobweb: float | None,
     whole: bool, basins: bool, cap: int, along: str | None, start: float | None, stop: float | None,
     attractor: int | None, save: str | None, **stated: Any,
 ) -> None:  # fmt: skip
-    """Map launch speeds to the next ones, with the losses and impacts in between. With --along, follow the fixed points
-    of the map and its hops of period two along a parameter instead, with their folds and flips; with --basins, find
-    what share of the launches comes to each hop that attracts. A launch of several numbers is that of the saved orbit
-    of --start, which is mapped with its multipliers; with --alpha it has these speeds instead of its own."""
+    """Map launch speeds to the next launch speeds, with the losses and impacts in between.
+
+    With --along, follow the fixed points of the map and its hops of period two along a parameter, with their folds and
+    flips. With --basins, find which share of the launches leads to each attracting hop. If a launch has several
+    numbers, the map starts from the saved orbit of --start and prints its multipliers; --alpha replaces the orbit's
+    launch speed.
+    """
     from orbits.errors import InputError
     from orbits.io import to_json
     from orbits.returns import ReturnMap
@@ -494,13 +512,13 @@ def _print_hops(step: "ReturnMap", hops: "Hops") -> None:
             click.echo("\n".join(wrapped(text, onward="    ")))
 
 
-@orbits.command("simulate", epilog="Exit code: 0 done, also when it comes to rest; 2 bad input.")
+@orbits.command("simulate", epilog="Exit code: 0 done, even if the machine comes to rest; 2 bad input.")
 @options.machine_options
 @options.loss_options
 @click.option("--alpha", type=float, metavar="A", help=f"Launch speed at the first lift-off{options.IN_UNITS}")
 @options.start_option
 @click.option("--hops", type=click.IntRange(1), metavar="N", help="End after N lift-offs.")
-@click.option("--cap", type=click.IntRange(1), default=2000, show_default=True, help="Most impacts in one hop.")
+@click.option("--cap", type=click.IntRange(1), default=2000, show_default=True, help="Bound on the impacts in one hop.")
 @click.option("--time", "end", type=options.POSITIVE, metavar="T", help=f"End at this time{options.IN_UNITS}")
 @options.free_limit_option
 @options.json_option
@@ -520,15 +538,16 @@ def simulate_command(
     options.write(run, as_json, plot, animate, export=export)
 
 
-@orbits.command("check", epilog="Exit code: 0 no relation that is compared is broken, 2 one is, or bad input.")
+@orbits.command("check", epilog="Exit code: 0 all compared relations hold; 2 one of them does not, or bad input.")
 @options.machine_options
 @options.damper_options
 @options.start_option
 @options.json_option
 def check_command(hop: str | None, as_json: bool, **stated: Any) -> None:
-    """Check that the machine moves as it is stated: forces, impacts, energies, and an integration by DOP853.
+    """Check the derived equations of a machine against its statement: forces, impacts, energies, and an integration by
+    DOP853.
 
-    The relations that could not be compared are printed with the reason.
+    The command names the relations that it could not compare, and why.
     """
     from orbits.checks import check
 
@@ -545,9 +564,9 @@ def check_command(hop: str | None, as_json: bool, **stated: Any) -> None:
 def optimize_command(file: str, hop: str | None, as_json: bool, plot: str | None, save: str | None) -> None:
     """Find the best design of a machine, or a Pareto front of two objectives, for the problem in its file.
 
-    Beside the machine the file has a table [design] with minimise, a formula or a list of two for a front, or maximise;
-    and where needed with subject_to, a list of constraints, tune, at, family, starts, seed and points. The table
-    [design.over] has the bounds of each parameter, as k = [1e3, 1e5].
+    In addition to the machine the file has a table [design]. It states minimise, a formula or a list of two formulas
+    for a front, or it states maximise. It may also state subject_to, a list of constraints, and tune, at, family,
+    starts, seed and points. The table [design.over] has the bounds of each parameter, such as k = [1e3, 1e5].
     """
     from orbits.design import Front, optimize as best_design, pareto
     from orbits.errors import InputError
@@ -570,20 +589,25 @@ def optimize_command(file: str, hop: str | None, as_json: bool, plot: str | None
 
 
 @orbits.command(
-    "sweep", epilog="Exit code: 0 done, also where some members have no orbit; 1 where none has one, 2 bad input."
+    "sweep", epilog="Exit code: 0 done, even if some members have no orbit; 1 no member has an orbit; 2 bad input."
 )
 @options.machine_options
 @click.option(
     "--over",
     multiple=True,
     metavar="NAME=RANGE",
-    help="A parameter: LOW:HIGH, LOW:HIGH:log, V1,V2,... or norm(MEAN,SD); repeatable.",
+    help="A parameter and its range: LOW:HIGH, LOW:HIGH:log, V1,V2,... or norm(MEAN,SD); repeatable.",
 )
-@click.option("--from", "designs", metavar="FILE.csv", help="A table of the members, a column for each parameter.")
-@click.option("--samples", type=int, metavar="N", help="Number of members; on a grid, of values of each range.")
-@click.option("--sampling", metavar="WAY", help="grid, sobol, lhs or random; default: grid for values, else sobol.")
+@click.option("--from", "designs", metavar="FILE.csv", help="A table of the members, with a column for each parameter.")
+@click.option(
+    "--samples", type=int, metavar="N", help="Number of members; on a grid, the number of values in each range."
+)
+@click.option(
+    "--sampling", metavar="WAY",
+    help="How to choose the members: grid, sobol, lhs or random; default: grid if values are listed, else sobol.",
+)  # fmt: skip
 @options.seed_option
-@click.option("--family", "families", default="1", show_default=True, metavar="N1,N2,...", help="As in find.")
+@click.option("--family", "families", default="1", show_default=True, metavar="N1,N2,...", help="Numbers of families.")
 @options.start_option
 @options.method_option
 @options.tune_option
@@ -591,11 +615,11 @@ def optimize_command(file: str, hop: str | None, as_json: bool, plot: str | None
 @click.option("--quantities", metavar="A,B,...", help="Further columns: quantities of the orbit, or formulas of them.")
 @click.option(
     "--outcome", default="find", show_default=True, metavar="find|map|fixed_points",
-    help="Find orbits, next launch speeds, or fixed points of the return map.",
+    help="What to compute: orbits, next launch speeds, or fixed points of the return map.",
 )  # fmt: skip
-@click.option("--between", metavar="A:B", help="Launch speeds between which fixed points are searched.")
-@click.option("--store", metavar="FILE", help="An SQLite file to which members are written as soon as they are done.")
-@click.option("--resume", is_flag=True, help="Continue the store, or begin it.")
+@click.option("--between", metavar="A:B", help="Launch speeds between which to search for fixed points.")
+@click.option("--store", metavar="FILE", help="SQLite file to which each member is written as soon as it is done.")
+@click.option("--resume", is_flag=True, help="Continue the store if it exists.")
 @options.workers_option
 @options.free_limit_option
 @options.json_option
@@ -630,26 +654,31 @@ def sweep_command(
         raise click.exceptions.Exit(1)
 
 
-@orbits.command("existence", epilog="Exit code: 0 done; 1 where no member has an orbit, 2 bad input.")
+@orbits.command("existence", epilog="Exit code: 0 done; 1 no member has an orbit; 2 bad input.")
 @options.machine_options
-@click.option("--along", required=True, metavar="NAME=LOW:HIGH[:log]", help="The parameter of the rows.")
-@click.option("--across", required=True, metavar="NAME=RANGE", help="The one that differs between rows; also V1,V2,...")
-@options.family_option("As in find.")
+@click.option("--along", required=True, metavar="NAME=LOW:HIGH[:log]", help="The parameter within each row.")
+@click.option(
+    "--across", required=True, metavar="NAME=RANGE",
+    help="The parameter that differs between rows: LOW:HIGH, LOW:HIGH:log or V1,V2,...",
+)  # fmt: skip
+@options.family_option("Number of the family, as in find.")
 @options.start_option
-@click.option("--samples", default="100", show_default=True, metavar="N[,M]", help="Values along and across.")
+@click.option(
+    "--samples", default="100", show_default=True, metavar="N[,M]", help="Numbers of values along and across."
+)
 @click.option("--quantities", metavar="A,B,...", help="Further columns: quantities of the orbit, or formulas of them.")
 @click.option("--both-ways", is_flag=True, help="Locate boundaries between the rows too.")
 @click.option("--colour", metavar="QUANTITY", help="Colour the figure by a quantity.")
 @options.workers_option
 @options.free_limit_option
 @options.json_option
-@options.file_option("--output", "result", "Write the diagram: .json or .nc; its rows: .csv.")
+@options.file_option("--output", "result", "Write the diagram (.json, .nc), or its rows (.csv).")
 @options.plot_option
 def existence_command(
     along: str, across: str, family: int, hop: str | None, samples: str, quantities: str | None, both_ways: bool,
     colour: str | None, workers: int | None, as_json: bool, output: str | None, plot: str | None, **stated: object,
 ) -> None:  # fmt: skip
-    """Find where orbits exist in two parameters, and where they are motions."""
+    """Find where orbits exist in the plane of two parameters, and where they are motions."""
     from orbits.errors import InputError
     from orbits.show import save_figure
     from orbits.sweeps import existence
@@ -680,11 +709,11 @@ def existence_command(
     multiple=True,
     required=True,
     metavar="NAME=RANGE",
-    help="An uncertain parameter: norm(MEAN,SD), LOW:HIGH or LOW:HIGH:log; repeatable.",
+    help="An uncertain parameter and its distribution: norm(MEAN,SD), LOW:HIGH or LOW:HIGH:log; repeatable.",
 )
 @click.option("--samples", type=int, default=1024, show_default=True, metavar="N", help="Number of members.")
 @options.seed_option
-@options.family_option("As in find.")
+@options.family_option("Number of the family, as in find.")
 @options.start_option
 @click.option("--quantities", metavar="A,B,...", help="Further rows: quantities of the orbit, or formulas of them.")
 @click.option("--indices", is_flag=True, help="Print Sobol's indices too: which parameter causes the spread.")
@@ -693,14 +722,15 @@ def existence_command(
 @options.json_option
 @options.file_option("--output", "result", "Write the quantities: .json, .csv, .nc or .parquet.")
 @options.file_option("--plot", "figure", "Write a figure of the distribution of --quantity, or of the indices.")
-@click.option("--quantity", metavar="A", help="That the figure shows; default: alpha.")
+@click.option("--quantity", metavar="A", help="Quantity that the figure shows; default: alpha.")
 def uncertainty_command(
     over: tuple[str, ...], samples: int, seed: int, family: int, hop: str | None, quantities: str | None, indices: bool,
     workers: int | None, as_json: bool, output: str | None, plot: str | None, quantity: str | None, **stated: object,
 ) -> None:  # fmt: skip
-    """Find the spread of an orbit's quantities that follows from uncertain parameters.
+    """Find how uncertain the quantities of an orbit are if parameters are uncertain.
 
-    Each quantity has its mean and deviation over the members that are motions, and the deviation to first order.
+    It prints the mean and the standard deviation of each quantity over the members that are motions, and the standard
+    deviation to first order.
     """
     from orbits.errors import InputError
     from orbits.io import to_json
@@ -733,39 +763,41 @@ def uncertainty_command(
 @click.argument("goal", metavar=f"[{'|'.join(options.GOALS)}]", callback=options.goal)
 @options.machine_options
 @options.damper_options
-@options.family_option("As in find.")
+@options.family_option("Number of the family, as in find.")
 @options.start_option
 @click.option(
     "--actuator",
     metavar="EXTENSION|force:DISTANCE",
-    help="The extension of the spring whose end is moved, or a force and the distance along which it acts, as "
+    help="The extension of the spring whose end moves, or a force and the distance along which it acts, such as "
     "'force:y1 - y2'; default: the end of the only spring.",
 )
 @click.option("--rate", type=options.POSITIVE, metavar="W", help=f"Largest rate of the actuator{options.IN_UNITS}")
-@click.option("--stroke", type=options.POSITIVE, metavar="U", help=f"Its largest displacement{options.IN_UNITS}")
-@click.option("--force", type=options.POSITIVE, metavar="F", help=f"Its largest force{options.IN_UNITS}")
-@click.option("--power", type=options.POSITIVE, metavar="P", help=f"Its largest power{options.IN_UNITS}")
+@click.option(
+    "--stroke", type=options.POSITIVE, metavar="U", help=f"Largest displacement of the actuator{options.IN_UNITS}"
+)
+@click.option("--force", type=options.POSITIVE, metavar="F", help=f"Largest force of the actuator{options.IN_UNITS}")
+@click.option("--power", type=options.POSITIVE, metavar="P", help=f"Largest power of the actuator{options.IN_UNITS}")
 @click.option(
     "--speed-force",
     type=(options.POSITIVE, options.POSITIVE),
     metavar="V0 F0",
-    help=f"Of a motor, the speed at which it has no force left to drive, and its force at rest{options.IN_UNITS}",
+    help=f"For a motor: the speed above which it cannot drive, and its largest force at rest{options.IN_UNITS}",
 )
 @click.option(
     "--intervals",
     type=click.IntRange(1),
     metavar="N",
-    help="On which the rate is constant; default 40, start-up 20 a half swing.",
+    help="Number of intervals of constant rate; default: 40, or 20 in each half swing of start-up.",
 )
 @click.option(
-    "--cost", metavar="effort|work|peak", help=f"{options.KEEP}: what is least; default effort. Work needs --rate."
+    "--cost", metavar="effort|work|peak", help=f"{options.KEEP}: what to minimise; default: effort. Work needs --rate."
 )
 @click.option("--speed", type=options.POSITIVE, metavar="V", help=f"{options.KEEP}: the launch speed{options.IN_UNITS}")
 @click.option(
     "--height",
     type=options.POSITIVE,
     metavar="H",
-    help=f"{options.KEEP}: the centre of mass's rise in flight{options.IN_UNITS}",
+    help=f"{options.KEEP}: the rise of the centre of mass in flight{options.IN_UNITS}",
 )
 @click.option(
     "--period",
@@ -776,12 +808,13 @@ def uncertainty_command(
 @click.option(
     "--plastic", is_flag=True, help=f"{options.KEEP}, recover: the foot may land with a speed, which is lost."
 )
-@click.option("--short", type=float, metavar="V", help="recover: how much slower than lossless the launch is.")
-@click.option("--pumps", type=click.IntRange(1), metavar="N", help="start-up: swings before lift-off.")
+@click.option("--short", type=float, metavar="V", help="recover: by how much the launch is too slow.")
+@click.option("--pumps", type=click.IntRange(1), metavar="N", help="start-up: number of swings before lift-off.")
 @click.option(
     "--follow",
     metavar="NAME:TO",
-    help=f"{options.KEEP}: the family of motions to that value of a number, as damping:0.2 or, with --speed, speed:5.",
+    help=f"{options.KEEP}: follow the family of motions to this value of a number, such as damping:0.2, or speed:5 "
+    "with --speed.",
 )
 @options.free_limit_option
 @options.json_option
@@ -792,10 +825,11 @@ def control_command(
     goal: str, family: int, hop: str | None, as_json: bool, plot: str | None, animate: str | None, save: str | None,
     follow: str | None, **stated: Any,
 ) -> None:  # fmt: skip
-    """Find a motion of locally least effort of a machine with an actuator: a spring's end that moves, or a force.
+    """Find a motion of locally least effort for a machine with an actuator.
 
-    keep-hopping keeps a damped machine hopping, recover brings one whose launch is too slow back to its lossless hop in
-    one hop, and start-up lifts one off from rest in contact.
+    The actuator moves the end of a spring, or it exerts a force. keep-hopping keeps a damped machine hopping. recover
+    returns a machine from a launch that is too slow to its lossless hop, in one hop. start-up brings a machine from
+    rest in contact onto its lossless hop.
     """
     from .. import steering
 
@@ -812,11 +846,17 @@ def control_command(
 
 @orbits.command("explore", epilog="Exit code: 0 ended by Ctrl-C, 2 bad input.")
 @options.machine_options
-@options.family_option("As in find.")
+@options.family_option("Number of the family, as in find.")
 @click.option("--no-browser", is_flag=True, help="Serve the page without opening a browser.")
-@click.option("--port", type=click.IntRange(0, 65535), default=5007, show_default=True, help="0 for any free port.")
+@click.option(
+    "--port",
+    type=click.IntRange(0, 65535),
+    default=5007,
+    show_default=True,
+    help="Port of the page; 0 for any free port.",
+)
 def explore_command(family: int, no_browser: bool, port: int, **stated: object) -> None:
-    """Show a hop or a step on a page with sliders in the browser: the moving machine, its family and its return map.
+    """Show a hop or a step on a page with sliders, in the browser: the moving machine, its family and its return map.
 
     The page is served to this computer only, and needs no network.
     """

@@ -37,45 +37,67 @@ machine_options = combined(
     click.option(
         "--machine",
         metavar="hopper|juggler|wheel|rocker|shuttle|runner|FILE.toml",
-        help="Kind of machine, or a file that "
-        "states it. A wheel, a rocker and a shuttle step: they take --set inertia_ratio=J/A, "
-        "gravity_ratio=M*g*l/k (of a rocker M*g*h/k) and, for other than small angles, angle=A in rad, "
-        "half of that between spokes or walls (of a rocker tan A = b/h). A runner takes --set foot_mass=M, "
-        "rest_length=L, inertia=I, hip_stiffness=K and others of its numbers.",
+        help="Kind of machine, or a file that states it. A wheel, a rocker and a shuttle step. They take "
+        "--set inertia_ratio=J/A and gravity_ratio=M*g*l/k (M*g*h/k for a rocker). Their angles are small unless you "
+        "set angle=a in rad, which is half the angle between spokes or walls (tan a = b/h for a rocker). A runner "
+        "takes --set foot_mass=M, rest_length=L, inertia=I, hip_stiffness=K and its other parameters.",
     ),
-    click.option("--mass-ratio", type=POSITIVE, metavar="M", help="Foot (hand) over body (ball) mass; default 1."),
-    click.option("--masses", metavar="KG,KG", help="Of body and foot (ball and hand): then all numbers are in SI."),
     click.option(
-        "--stiffness", type=POSITIVE, metavar="N/M", help="Of a linear spring or of a named law in SI, with --masses."
+        "--mass-ratio",
+        type=POSITIVE,
+        metavar="M",
+        help="Mass of the foot (hand) over the mass of the body (ball); default: 1.",
     ),
-    click.option("--rest-length", type=POSITIVE, metavar="L", help="Of the spring; default: separation not checked."),
+    click.option(
+        "--masses", metavar="KG,KG", help="Masses of body and foot (ball and hand). All numbers are then in SI."
+    ),
+    click.option(
+        "--stiffness",
+        type=POSITIVE,
+        metavar="N/M",
+        help="Stiffness of a linear spring, or of a named law, of a machine in SI.",
+    ),
+    click.option(
+        "--rest-length",
+        type=POSITIVE,
+        metavar="L",
+        help="Length of the unloaded spring. Without it the distance of the masses is not checked.",
+    ),
     click.option(
         "--spring",
         metavar="LAW",
-        help="Formula of r, a law's name, potential:FORMULA, or measured rows under a header of extension and force, "
-        "table:FILE, also table:FILE?columns=NAME,NAME&units=mm,N&cycle=last&branch=loading&noise=SD; see the "
-        "documentation.",
+        help="Force of the spring: a formula of r, the name of a law, potential:FORMULA, or table:FILE for measured "
+        "rows under a header of extension and force. The options columns=NAME,NAME, units, "
+        "cycle, branch and noise=SD of a table follow its name, as in table:FILE?units=mm,N&cycle=last&branch=loading; "
+        "see the documentation.",
     ),
-    click.option("--gravity", metavar="LAW", help="Formula of z with value 1 at z = 0, or a law's name."),
+    click.option(
+        "--gravity", metavar="LAW", help="Gravity: a formula of z with the value 1 at z = 0, or the name of a law."
+    ),
     click.option("--set", "settings", metavar="NAME=VALUE", multiple=True, help="Value of a parameter; repeatable."),
 )
 damper_options = combined(
     click.option(
-        "--restitution", type=click.FloatRange(0, 1), metavar="e", help="Of the impacts, e.g. 0.2; default 0, plastic."
+        "--restitution",
+        type=click.FloatRange(0, 1),
+        metavar="e",
+        help="Coefficient of restitution of the impacts; default: 0, which is plastic.",
     ),
     click.option("--damping", type=click.FloatRange(0), metavar="c", help="Coefficient of the spring's damper."),
     click.option("--drag", type=click.FloatRange(0), metavar="d", help="Drag coefficient of each mass."),
 )
 loss_options = combined(
     damper_options,
-    click.option("--inject", type=float, default=0.0, metavar="EPS", help=f"Added to every launch speed{IN_UNITS}"),
+    click.option("--inject", type=float, default=0.0, metavar="EPS", help=f"Speed added at every launch{IN_UNITS}"),
 )
 start_option = click.option(
     "--start", "hop", metavar="FILE",
-    help="Start from a saved orbit; needed where a launch has several numbers, as on compliant ground.",
+    help="Start from a saved orbit. You need one if a launch has several numbers, as on compliant ground.",
 )  # fmt: skip
 method_option = click.option(
-    "--method", metavar="NAME", help="'closed form', 'relative', 'half orbit' or 'shooting'; default: the simplest."
+    "--method",
+    metavar="NAME",
+    help="Equations of the orbit: 'closed form', 'relative', 'half orbit' or 'shooting'; default: the simplest.",
 )
 json_option = click.option("--json", "as_json", is_flag=True, help="Print one JSON document.")
 limit_option = click.option(
@@ -105,14 +127,15 @@ seed_option = click.option("--seed", type=int, default=0, show_default=True, hel
 
 tune_option = click.option(
     "--tune", metavar="NAME[=START]", multiple=True,
-    help="A parameter that is an unknown; one for each --at; repeatable. Its search begins at START, which takes the "
-    "place of a --set of the same name.",
+    help="A parameter to be found, one for each --at; repeatable. The search begins at START, or at the value of "
+    "--set.",
 )  # fmt: skip
 
 
 at_option = click.option(
     "--at", "prescribed", metavar="NAME=VALUE", multiple=True,
-    help="The value of a quantity of the orbit, as period, frequency, alpha, clearance or body_rise; repeatable.",
+    help="Prescribed value of a quantity of the orbit, such as period, frequency, alpha, clearance or body_rise; "
+    "repeatable.",
 )  # fmt: skip
 
 
@@ -156,7 +179,7 @@ def _checked_folder(context: Any, parameter: Any, folder: str | None) -> str | N
 
 export_option = click.option(
     "--export", metavar="FOLDER", callback=_checked_folder,
-    help="Write motion.csv and model.xml for MuJoCo or Drake to a folder.",
+    help="Write motion.csv, and model.xml for MuJoCo and Drake, to a folder.",
 )  # fmt: skip
 plot_option = file_option("--plot", "figure", "Write a figure (.png, .pdf, .svg).")
 animate_option = file_option("--animate", "animation", "Write an animation (.gif, or .mp4 with ffmpeg).")
@@ -383,7 +406,7 @@ OF_GOALS = {
     "short": {"recover": "short"},
     "pumps": {"start-up": "pumps"},
 }
-NEEDED = {"recover": ("short", "how much slower than lossless the launch is"), "start-up": ("pumps", "swings, as 2")}
+NEEDED = {"recover": ("short", "by how much the launch is too slow"), "start-up": ("pumps", "the number of swings")}
 
 
 def steering_arguments(goal: str, stated: dict[str, Any]) -> dict[str, Any]:
