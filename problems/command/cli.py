@@ -211,14 +211,14 @@ def prove_command(
     if (inject is None) != (near is None) or ((loss or attraction) and inject is not None):
         raise InputError("give --inject EPS and --near ALPHA together, and leave out --loss and --attraction")
     if (tune or prescribed) and (inject is not None or along is not None):
-        raise InputError("--tune and --at are for one orbit: they go with neither --along nor --inject")
+        raise InputError("--tune and --at are for one orbit: leave out --along and --inject")
     if hop is not None and (inject is not None or along is not None):
-        raise InputError("--start is for one orbit: it goes with neither --along nor --inject")
+        raise InputError("--start is for one orbit: leave out --along and --inject")
     exact = options.exact_parameters(stated["settings"], intervals)
     if along is not None or start is not None or stop is not None:
         if along is None or stop is None or intervals or loss or attraction or inject is not None:
             others = "--between, --loss, --attraction, --inject"
-            raise InputError(f"--along NAME needs --to B and may have --from A: leave out {others}")
+            raise InputError(f"--along NAME needs --to B and may have --from A; leave out {others}")
         proof = options.proved_curve(along, (start, stop), family, stated, digits=digits, limit=limit)
     elif inject is not None and near is not None:
         machine = options.machine_of(**options.with_middles(stated, intervals))
@@ -442,7 +442,7 @@ def return_map(
     if along is not None:
         if cobweb is not None or whole or basins or start is None or stop is None or speeds is None or len(speeds) < 2:
             raise InputError(
-                "--along needs --from V, --to W and a range --alpha A:B:N: leave out --cobweb, --all and --basins"
+                "--along needs --from V, --to W and a range --alpha A:B:N; leave out --cobweb, --all and --basins"
             )
         settings = {"inject": inject, "cap": cap, "attractor": attractor}
         diagram = options.diagram_of(along, (start, stop), speeds, hop, stated, settings)
@@ -489,7 +489,7 @@ def _basins(step: "ReturnMap", speeds: Any, others: bool) -> Any:
     from orbits.errors import InputError
 
     if others or speeds is None or len(speeds) < 2:
-        raise InputError("--basins needs a range --alpha A:B:N: leave out --cobweb, --all and --start")
+        raise InputError("--basins needs a range --alpha A:B:N; leave out --cobweb, --all and --start")
     with options.progress() as report:
         return step.basins(float(speeds[0]), float(speeds[-1]), progress=report)
 
@@ -686,7 +686,9 @@ def existence_command(
     row, between = options.swept_axis("--along", along)
     column, values = options.swept_axis("--across", across)
     if not isinstance(between, tuple) or not isinstance(values, tuple | list):
-        raise InputError(f"--along {along!r} is NAME=LOW:HIGH, and --across {across!r} that or NAME=V1,V2,...")
+        raise InputError(
+            f"--along {along!r} must be NAME=LOW:HIGH, and --across {across!r} NAME=LOW:HIGH or NAME=V1,V2,..."
+        )
     machine = options.machine_of(**options.with_first_values(stated, {row: between, column: values}, None))
     requested, counts = options.formulas(quantities), options.numbers("--samples", samples, int)
     if colour is not None and colour not in requested:
@@ -738,7 +740,7 @@ def uncertainty_command(
     from orbits.sweeps import uncertainty
 
     if quantity is not None and plot is None:
-        raise InputError("--quantity is shown in a figure: give --plot FILE too, or name it by --quantities")
+        raise InputError("--quantity selects what a figure shows: give --plot FILE too, or use --quantities")
     axes, _ = options.swept_members(over, None)
     machine = options.machine_of(**options.with_first_values(stated, axes, None))
     requested = options.formulas(quantities)

@@ -214,7 +214,7 @@ def numbers(option: str, text: str, kind: Callable, separator: str = ",") -> lis
         return [kind(part) for part in text.split(separator)]
     except ValueError:
         units = next(filter(None, map(unit_stated, text.split(separator))), "")
-        raise InputError(f"{option} {text!r} is not a list of numbers, as 1{separator}2{units}") from None
+        raise InputError(f"{option} {text!r} is not a list of numbers, such as 1{separator}2{units}") from None
 
 
 def one_number(option: str, text: str) -> float:
@@ -234,7 +234,7 @@ def several_families(text: str | None, save: str | None, other: object) -> dict[
     if text is None:
         return {}
     if other or str(save).endswith(".jsonl"):
-        alone = "--family, --start, --output, --resume, --event and files .jsonl are of one family"
+        alone = "--family, --start, --output, --resume, --event and .jsonl files are for one family"
         raise InputError(f"--families {text!r}: {alone}; leave them out")
     return {"families": numbers("--families", text, int)}
 
@@ -285,7 +285,7 @@ def swept_members(over: Sequence[str], designs: str | None) -> tuple[dict[str, A
     from orbits.sweeps import as_numbers, read_designs
 
     if bool(over) == (designs is not None):
-        raise InputError("a sweep is --over NAME=RANGE, repeatable, or --from FILE.csv")
+        raise InputError("a sweep needs either --over NAME=RANGE, repeatable, or --from FILE.csv")
     axes: dict[str, object] = {}
     for text in over:
         name, axis = swept_axis("--over", text)
@@ -311,7 +311,9 @@ def swept_axis(option: str, text: str) -> tuple[str, Any]:
 
         mean, deviation = numbers(option, ",".join(found.groups()), float)
         if not (math.isfinite(mean) and 0 < deviation < math.inf):
-            raise InputError(f"{option} {text!r}: a mean is finite, and a standard deviation above 0 and finite")
+            raise InputError(
+                f"{option} {text!r}: the mean must be finite, and the standard deviation must be finite and above 0"
+            )
         return name, norm(mean, deviation)
     if ":" not in stated:
         return name, numbers(option, stated, float)
@@ -352,7 +354,7 @@ def started(machine: "MachineOfFile", hop: str | None) -> str | None:
     if hop is None and not ((model := machine.model).one_speed or model.sticks):
         names = ", ".join(model.launch_unknowns)
         raise InputError(
-            f"a launch of this {model.name} has several numbers, {names}: give --start FILE, a saved orbit of it; in "
+            f"a launch of this {model.name} has several numbers, {names}: give a saved orbit, --start FILE; in "
             "Python find_all(machine, starts(machine)) finds orbits, and save(FILE) saves one"
         )
     return hop
@@ -367,7 +369,7 @@ def launches_of(machine: "MachineOfFile", hop: str | None, alpha: Any) -> Any:
 
     started(machine, hop)
     if hop is None and alpha is None:
-        raise InputError("a launch is --alpha A, or that of a saved orbit, --start FILE")
+        raise InputError("give a launch: --alpha A, or --start FILE for the launch of a saved orbit")
     if hop is None or (alpha is not None and machine.model.one_speed):
         return alpha
     known = unknowns_of_start(machine, start_in_file(hop))
@@ -453,7 +455,7 @@ def followed_number(goal: str, text: str | None, animate: str | None) -> tuple[s
         raise InputError("--animate draws one motion, not a family: leave out --follow, or --animate")
     name, colon, to = text.partition(":")
     if not colon:
-        raise InputError(f"--follow {text!r} is not a number of the machine with its last value, such as damping:0.2")
+        raise InputError(f"--follow {text!r} is not of the form NAME:TO, such as damping:0.2")
     return name, one_number("--follow", to)
 
 
@@ -478,7 +480,7 @@ def launch_speeds(text: str) -> "np.ndarray":
         bounds = f"from 2 to {MOST_LAUNCHES}"
         raise InputError(f"--alpha {text!r} is neither a number nor a range A:B:N of N launch speeds, {bounds}")
     if not low < high:
-        raise InputError(f"--alpha {text!r}: the range goes up, A < B")
+        raise InputError(f"--alpha {text!r}: A must be below B")
     return np.linspace(low, high, count)
 
 
@@ -547,7 +549,9 @@ def statement_of(
         statement, where = read(machine), machine
     if masses is not None:
         if statement.get("machine") in STEPPING:
-            raise InputError(f"--masses {masses!r} are for hopping machines: a {statement['machine']} is in SI by [si]")
+            raise InputError(
+                f"--masses {masses!r}: only hopping machines have them; a {statement['machine']} needs a table [si]"
+            )
         if machine == where and "si" not in statement:
             raise InputError(f"--masses {masses!r}: {where} states a machine without units; give it a table [si]")
         if len(each := numbers("--masses", masses, float)) != 2:
@@ -558,7 +562,9 @@ def statement_of(
         settings = [setting for setting in settings if not sets(setting, first[0])]
     own = {name: value for name, value in stated.items() if value is not None}
     if "stiffness" in own and "si" not in statement and statement.get("machine") != "runner":
-        stated_in = "a machine without units has the stiffness 1; state it in SI, by --masses KG,KG or [si] in its file"
+        stated_in = (
+            "a machine without units has the stiffness 1; state it in SI, by --masses KG,KG or by [si] in its file"
+        )
         raise InputError(f"--stiffness {own['stiffness']:g} is in N/m: {stated_in}")
     values, parameters = named_values(settings, "--set"), dict(statement.get("parameters", {}))
     if first is not None:
@@ -647,7 +653,7 @@ def _bounds(intervals: Sequence[str]) -> Iterator[tuple[str, list[str]]]:
         except ValueError:
             finite = False
         if not (name.strip() and finite):
-            raise InputError(f"--between {each!r} is not NAME=LOW:HIGH, as beta=0.29:0.31")
+            raise InputError(f"--between {each!r} is not of the form NAME=LOW:HIGH, such as beta=0.29:0.31")
         yield name.strip(), bounds
 
 

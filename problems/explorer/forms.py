@@ -72,7 +72,7 @@ def scene_of_link(query: Mapping[str, list[bytes]]) -> Scene:
     args: dict[str, str] = {}
     for name, values in query.items():
         if len(values) != 1 or len(values[0]) > LARGEST.value_in_link:
-            raise InputError(f"the link gives '{name[:40]}' more than once, or too long")
+            raise InputError(f"the link states '{name[:40]}' more than once, or its value is too long")
         if name not in LINK_WORDS and not name.startswith(NUMBER):
             raise InputError(f"the link has an unknown word '{name[:40]}'; it knows {', '.join(LINK_WORDS)}")
         try:
@@ -183,7 +183,7 @@ def _rows_from_file(spring: str) -> DroppedRows:
 
     path, options = table_options(spring.removeprefix("table:"))
     if moved := [name for name in ("scale", "shift") if name in options]:
-        raise InputError(f"spring '{spring}': the page shows a table as it was measured: leave {moved[0]} out")
+        raise InputError(f"spring '{spring}': the page shows a table only as it was measured: leave {moved[0]} out")
     return DroppedRows(Path(path).name, text_of(Path(path)), **options)
 
 

@@ -274,7 +274,9 @@ def _map_of_steps(step: ReturnMap, orbit: Orbit, launch: float | None, samples: 
     factor = (found.bounce_factor or RESULTS.with_bounce) if above else 1.0
     low, high = (share / (factor * found.loss_coefficient) ** 3 for share in RANGE_BESIDE[above])
     if high < RESULTS.hidden * orbit.alpha:
-        raise InputError(f"launches that come back to this step are at most {high:.2g} faster, which rounding hides")
+        raise InputError(
+            f"only launches at most {high:.2g} faster come back to this step, and rounding hides such a difference"
+        )
     data = map_data(step, low, high, centre=orbit.alpha, start=launch, hops=RESULTS.cobweb, samples=samples)
     faster = data.alpha > 0
     d, left = data.alpha[faster], data.following[faster]

@@ -134,12 +134,12 @@ class DroppedRows:
 
     def __post_init__(self) -> None:
         if not (isinstance(self.name, str) and isinstance(self.text, str)):
-            raise InputError("a table has a name and a text")
+            raise InputError("a table must have a name and a text")
         if len(self.text) > LARGEST.rows:
-            raise InputError(f"the table has {len(self.text)} characters, and at most {LARGEST.rows} are taken")
+            raise InputError(f"the table has {len(self.text)} characters; at most {LARGEST.rows} are allowed")
         object.__setattr__(self, "name", re.sub(r"[^\w.-]", "_", self.name, flags=re.ASCII)[-60:].lstrip(".") or "rows")
         if self.branch not in (None, "loading", "unloading", "mean"):
-            raise InputError(f"branch = {str(self.branch)[:40]!r}; it is loading, unloading or mean")
+            raise InputError(f"branch = {str(self.branch)[:40]!r}; it must be loading, unloading or mean")
         if self.noise is not None and finite_number("noise", self.noise) < 0:
             raise InputError(f"noise = {self.noise:g} is below 0; it is the standard deviation of a row's force")
 
@@ -200,9 +200,9 @@ class Scene:
         for name in ("spring", "gravity"):
             text = getattr(self, name)
             if not isinstance(text, str) or len(text) > LARGEST.law:
-                raise InputError(f"the {name} is a formula of at most {LARGEST.law} characters")
+                raise InputError(f"the {name} must be a formula of at most {LARGEST.law} characters")
             if text.strip().partition(":")[0].strip() == "table":
-                raise InputError(f"{name} {text[:40]!r}: a table comes onto the page as a file dropped there")
+                raise InputError(f"{name} {text[:40]!r}: to use a table, drop its file onto the page")
         if self.steps and (self.rows or self.gravity != "1"):
             raise InputError("measured rows and varying gravity need a machine that hops: choose one")
         self._check_numbers()
@@ -222,10 +222,10 @@ class Scene:
         if self.start is not None:
             start = tuple(finite_number("start", value) for value in self.start)
             if len(start) != len(self.start_names) or start[self.start_names.index("duration")] <= 0:
-                raise InputError(f"a start has {', '.join(self.start_names)}, and a duration above 0")
+                raise InputError(f"a start must have {', '.join(self.start_names)}, and a duration above 0")
             object.__setattr__(self, "start", start)
         if not self.prescribed.get(SPEED_OF_RUN, 1.0) > 0:
-            raise InputError(f"speed = {numbers[SPEED_OF_RUN]:g}; a run goes forward, with a speed above 0")
+            raise InputError(f"speed = {numbers[SPEED_OF_RUN]:g}; the speed of a run must be above 0")
         if self.launch is not None and finite_number("launch", self.launch) <= 0:
             raise InputError(f"launch = {self.launch:g}; a launch speed must be above 0")
 

@@ -170,7 +170,7 @@ def fit(
 
     text, own = _formula_of(formula)
     if not isinstance(start, Mapping | None):
-        raise InputError(f"start = {start!r}; it maps names of parameters to values near them")
+        raise InputError(f"start = {start!r}; it must map names of parameters to values near them")
     names = sorted(parse(text).names - {"r"})
     own = own | dict(start or {})
     if unknown := [name for name in own if name not in names]:
@@ -214,7 +214,7 @@ def _formula_of(formula: str | Law) -> tuple[str, dict[str, float]]:
     """The text of a formula, and the values of the parameters of a law."""
     if not isinstance(formula, Law):
         if not isinstance(formula, str):
-            raise InputError(f"formula = {formula!r}; it is a text, as 'k*r + b*r**3', or a law from a formula")
+            raise InputError(f"formula = {formula!r}; it must be text, such as 'k*r + b*r**3', or a law from a formula")
         return formula, {}
     written = formula.written
     if written is None or written.potential or written.rows or len(written.formulas) != 1:
@@ -232,7 +232,7 @@ def _weighted_rows(
     try:
         stated = None if noise is None else np.asarray(noise, dtype=float)
     except (TypeError, ValueError, OverflowError):
-        raise InputError(f"noise = {noise!r}; it is a number, or one for each row") from None
+        raise InputError(f"noise = {noise!r}; it must be a number, or one number for each row") from None
     if stated is None or stated.ndim == 0:
         if stated is not None and not number("noise", noise, high=1e100) > 0:
             raise InputError(f"noise = {noise:g}; it is the standard deviation of a row's force, above 0")
@@ -382,14 +382,16 @@ class _Model:
     def _check(self, slopes: np.ndarray) -> None:
         """Raise `InputError` where the rows do not determine every parameter."""
         if not np.isfinite(slopes).all():
-            raise InputError("the formula is not finite at some rows: it has to be where it was measured")
+            raise InputError(
+                "the formula is not finite at some of the rows: state one that is finite at every measured extension"
+            )
         sizes = np.linalg.norm(slopes, axis=0)
         if not sizes.all():
             raise InputError(f"the rows do not depend on the parameter '{self.names[int(np.argmin(sizes))]}'")
         _, values, rows = np.linalg.svd(slopes / sizes, full_matrices=False)
         if values[-1] < FITS.same_direction * values[0]:
             together = [name for name, share in zip(self.names, rows[-1], strict=True) if abs(share) > 0.1]
-            raise InputError(f"the rows do not determine {' and '.join(together)} apart: give one of them a value")
+            raise InputError(f"the rows do not distinguish {' and '.join(together)}: give one of them a value")
 
 
 @exclusive

@@ -61,7 +61,9 @@ def of_loss(mean: Law, loss_factor: float) -> HystereticLaw:
     moves away from rest; raises `InputError` for a mean law that does not pull toward one place of rest."""
     share = number("loss_factor", loss_factor)
     if not 0 <= share < LARGEST_LOSS_FACTOR:
-        raise InputError(f"loss_factor = {share:g}; it is from 0 to below 2/pi, where the spring would not come back")
+        raise InputError(
+            f"loss_factor = {share:g}; it must be at least 0 and below 2/pi, at which the spring would not come back"
+        )
     if "loss_factor" in mean.parameters:
         raise InputError(f"'{mean.text}' has a parameter 'loss_factor', which is that of the loop: rename it")
     zero = zero_of(mean)
@@ -105,7 +107,9 @@ def loss_factor_of(mean: Law, loop_area: float, between: tuple[float, float]) ->
     try:
         low, high = sorted(number("between", end) for end in between)
     except TypeError:
-        raise InputError(f"between = {between!r}; it is the two extensions between which the loop was run") from None
+        raise InputError(
+            f"between = {between!r}; it must be the two extensions between which the loop was measured"
+        ) from None
     area, bounds = number("loop_area", loop_area), mean.range()
     if area < 0:
         raise InputError(f"loop_area = {area:g} is below 0; it is the energy that one cycle loses")

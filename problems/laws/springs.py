@@ -286,7 +286,7 @@ def _measured(
     named = [(scale, "scale", 1.0), (shift, "shift", 0.0)]
     own = {_name(name, what): value for name, what, value in named if name is not None}
     if scale is not None and scale == shift:
-        raise InputError(f"scale = shift = '{scale}': they are two parameters, with two names")
+        raise InputError(f"scale = shift = '{scale}': they are two parameters; give them two names")
     moved = _moved_expression(_piece_expression, scale, shift) if own else _piece_expression
     text = (f"{scale}*" if scale else "") + text + (f" moved by {shift}" if shift else "")
     nodes, pieces = _table_pieces(curve)
@@ -336,7 +336,9 @@ def lossy(
     law = as_spring(mean, parameters, shared=True)
     _refuse_unused(parameters, law.parameters)
     if (loss_factor is None) == (loop_area is None) or (loop_area is None) != (between is None):
-        raise InputError("a lossy spring has a loss_factor, or a loop_area with the extensions `between` which it lies")
+        raise InputError(
+            "a lossy spring needs a loss_factor, or a loop_area and the two extensions `between` which it was measured"
+        )
     if loss_factor is None:
         assert loop_area is not None  # and between, as was checked
         assert between is not None
@@ -398,12 +400,14 @@ def _with_loss(kind: str, text: str, values: Mapping[str, float], in_si: bool) -
         return loop(path, in_si=in_si, **options)
     if kind == "lossy":
         if "loss_factor" not in values:
-            raise InputError(f"spring 'lossy:{text}' needs the loss_factor of its loop: set loss_factor=VALUE")
+            raise InputError(f"spring 'lossy:{text}' needs a loss factor: set loss_factor=VALUE")
         mean = as_spring(text, {name: x for name, x in values.items() if name != "loss_factor"}, in_si, shared=True)
         return loops.of_loss(mean, values["loss_factor"])
     texts = text.split(";")
     if len(texts) != 2:
-        raise InputError(f"spring 'hysteretic:{text}': it has two branches, as in hysteretic:EXTENDING;SHORTENING")
+        raise InputError(
+            f"spring 'hysteretic:{text}': it must have two branches, as in hysteretic:EXTENDING;SHORTENING"
+        )
     branches = [as_spring(law.strip(), values, in_si, shared=True) for law in texts]
     return loops.of_branches(f"hysteretic:{branches[0].text};{branches[1].text}", *branches)
 
@@ -472,7 +476,9 @@ def _name(name: Any, what: str) -> str:
     """A name of a parameter; raises `InputError` for anything else."""
     valid = isinstance(name, str) and name.isidentifier() and not iskeyword(name)
     if not valid or name == "r":
-        raise InputError(f"{what} = {name!r}; it is the name of a parameter, as in table(file, {what}='{what[0]}')")
+        raise InputError(
+            f"{what} = {name!r}; it must be the name of a parameter, as in table(file, {what}='{what[0]}')"
+        )
     return name
 
 

@@ -193,7 +193,7 @@ def mass_parameters(masses: Sequence[float], fewest: int, most: int) -> dict[str
     """The masses of a column by name; raises `InputError` unless it is a list of `fewest` to `most` masses above 0."""
     masses = masses.tolist() if isinstance(masses, np.ndarray) else masses
     if isinstance(masses, str | bytes) or not isinstance(masses, Sequence):
-        raise InputError(f"masses = {masses!r}; they are a list of masses, from the top")
+        raise InputError(f"masses = {masses!r}; they must be a list of masses, from the top")
     if not fewest <= len(masses) <= most:
         bounds = f"from {fewest} to {most}" if fewest < most else f"{most}"
         raise InputError(f"there are {bounds} masses, not {len(masses)}")

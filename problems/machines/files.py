@@ -157,13 +157,15 @@ def design(statement: dict[str, Any], where: str) -> dict[str, Any]:
     _check_keys(f"{where}, [design]", statement["design"], DesignTable.__annotations__)
     problem = conform(statement["design"], DesignTable, f"{where}: [design]")
     if not isinstance(problem.get("over"), dict):
-        raise InputError(f"{where}: [design.over] names the parameters with their bounds, as k = [1e3, 1e5]")
+        raise InputError(f"{where}: [design.over] must name the parameters with their bounds, such as k = [1e3, 1e5]")
     if not isinstance(problem.get("minimise"), list):
         if "points" in problem:
-            raise InputError(f"{where}: points belong to a front of two objectives, minimise = [..., ...]")
+            raise InputError(
+                f"{where}: points are for a front of two objectives, minimise = [..., ...]; leave them out"
+            )
         return problem
     if "maximise" in problem:
-        raise InputError(f"{where}: both objectives of a front are minimised; write '-alpha' for one to be large")
+        raise InputError(f"{where}: both objectives of a front are minimised; to maximise alpha, write '-alpha'")
     return problem | {"minimise": tuple(problem["minimise"])}
 
 
@@ -225,7 +227,7 @@ def _ground(statement: dict[str, Any]) -> Ground:
     """The ground of a table [ground]."""
     _check_keys("[ground]", statement, GROUND_KEYS)
     if "mass" not in statement or ("stiffness" in statement) == ("spring" in statement):
-        raise InputError("[ground] has a mass, and a stiffness or a spring")
+        raise InputError("[ground] must have a mass, and a stiffness or a spring")
     return Ground(statement["mass"], statement["stiffness" if "stiffness" in statement else "spring"])
 
 

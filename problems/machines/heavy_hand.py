@@ -42,7 +42,9 @@ class HeavyHand(TwoMassMachine):
 
     def stated(self) -> Mechanism:
         """Raises `InputError`: the limit of an infinite mass is not a mechanism."""
-        raise InputError("an infinitely heavy hand is the limit of mechanisms: state a Juggler with a large mass_ratio")
+        raise InputError(
+            "an infinitely heavy hand is only a limit of mechanisms: state a Juggler with a large mass_ratio"
+        )
 
     @classmethod
     def build(cls, spring: Key, gravity: Key | None, has_length: bool, damped: bool) -> Model:

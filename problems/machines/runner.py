@@ -98,7 +98,7 @@ def runner(
     used = {*own} - {"stiffness", "hip_stiffness"} | {*leg.key.names, *hip.key.names, *values}
     if in_si and (missing := [name for name in UNITS_OF_RUNNER if name in used and stated[name] is None]):
         needed = ", ".join(f"{name} ({UNITS_OF_RUNNER[name]})" for name in missing)
-        raise InputError(f"a runner in SI needs {needed}: numbers that are left out have defaults without units alone")
+        raise InputError(f"a runner in SI needs {needed}: only a runner without units has default values")
     return Mechanism(
         name="runner",
         coordinates=("x", "z", "l", "theta", "phi"),

@@ -112,7 +112,7 @@ def rimless_wheel(
     """
     stated = {"mass": mass, "length": length, "inertia": inertia, "body_inertia": body_inertia, "stiffness": stiffness}
     if spokes is not None and not (number("spokes", spokes) >= 3 and spokes == int(spokes)):
-        raise InputError(f"spokes = {spokes!r}; a wheel has a whole number of them, from 3")
+        raise InputError(f"spokes = {spokes!r}; it must be a whole number, at least 3")
     slope = number("slope", slope, -pi / 2, pi / 2)
     if own := _in_si(
         "rimless wheel", {**stated, "spokes": spokes}, (inertia_ratio, gravity_ratio, angle, share), surface_gravity
@@ -130,7 +130,7 @@ def rimless_wheel(
         turned = "inertia - mass*length**2"
     else:
         if slope:
-            raise InputError(f"slope = {slope:g} belongs to a wheel in SI, with a mass and a length")
+            raise InputError(f"slope = {slope:g}: only a wheel in SI has a slope; state its mass and its length")
         own, heights, tilted = _ratios(inertia_ratio, gravity_ratio, angle, share=share), None, {}
         forces, turned, gravity = _shared(own, BALANCED_NEARLY), SHARED_INERTIA, SHARED_GRAVITY
     why = "gravity gains 2*mass*surface_gravity*length*sin(angle)*sin(slope) with each step on a slope"
@@ -217,7 +217,7 @@ def shuttle(
     if own := _in_si("shuttle", stated, (inertia_ratio, gravity_ratio), surface_gravity):
         for name, value in (("mass", mass), ("length", length)):
             if number(name, value) < 0:
-                raise InputError(f"{name} = {value:g} is below 0; it is 0 for a shuttle in balance")
+                raise InputError(f"{name} = {value:g} is below 0; it must be at least 0, which is a shuttle in balance")
         own |= {"angle": _positive("angle", angle, pi / 2), "mass": mass, "length": length}
         own["surface_gravity"] = gravity_in_si(surface_gravity)
         force: Element = Weight(HUB, "mass")
@@ -225,7 +225,9 @@ def shuttle(
         turned, gravity = "inertia", "surface_gravity"
     else:
         if number("mass", mass) or number("length", length):
-            raise InputError("mass and length belong to a shuttle in SI, with its inertia; else state gravity_ratio")
+            raise InputError(
+                "mass and length are for a shuttle in SI: state its inertia too, or state gravity_ratio instead"
+            )
         own, heights = _ratios(inertia_ratio, gravity_ratio, angle, least=0.0), None
         turned, gravity = "1/inertia_ratio", "1"
         force = Potential(BALANCED if angle is not None else BALANCED_NEARLY)

@@ -33,7 +33,7 @@ def checked_ground(ground: object, parameters: Mapping[str, float], kind: str, i
     if kind != "hopper":
         raise InputError(f"ground={ground!r}: what lands in a {kind} does not land on the ground; leave it out")
     if ground.name != "ground":
-        raise InputError(f"the ground of a {kind} is called 'ground', not '{ground.name}'; leave its name out")
+        raise InputError(f"the ground of a {kind} is called 'ground', not '{ground.name}'; leave out its name")
     spring = ground.spring
     if isinstance(spring, Real) and not isinstance(spring, bool):
         spring = formula("ground_stiffness*r", ground_stiffness=number("ground's spring", spring, low=0))
@@ -160,7 +160,7 @@ class TwoMassMachine(TwoMasses):
         parameters = joined_values(((law.text, law.parameters) for law in laws), {})
         self._store(spring=spring, gravity=gravity, parameters=parameters, ground=ground)
         if self.rest_length is None and self.varying_gravity:
-            high = "the upper mass is as high as its coordinate and the rest length together"
+            high = "the height of the upper mass is its coordinate plus the rest length"
             raise InputError(f"gravity '{gravity.text}' varies with height, and {high}: give the rest length")
 
     def _laws(self) -> tuple[Law, Law, Ground | None]:

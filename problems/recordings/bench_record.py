@@ -45,7 +45,7 @@ def read_record(
     in_si = true_or_false("in_si", in_si)
     columns, units = _two("columns", columns, str | int), _two("units", units, str)
     if units is not None and not in_si:
-        raise InputError(f"units = {units!r} are those of a machine in SI: state in_si=True too")
+        raise InputError(f"units = {units!r} are for a machine in SI: state in_si=True too")
     if isinstance(source, str | Path):
         path = Path(source)
         return _of_text(f"the table {short(path)}", text_of(path), short(path.name), in_si, columns, units)
@@ -54,7 +54,7 @@ def read_record(
         text = source.to_csv(index=has_names)
         return _of_text("the table of a DataFrame", text, "DataFrame", in_si, columns, units)
     if columns is not None:
-        raise InputError(f"columns = {columns!r} are those of a file or of a DataFrame: two sequences have none")
+        raise InputError(f"columns = {columns!r}: two sequences have no names of columns; leave columns out")
     r, force = _numbers(source, "table")
     if units is None:
         return BenchRecord(r, force, 1.0, "table", "", ("m", "N") if in_si else ("", ""))
@@ -91,9 +91,11 @@ def _numbers(source: Any, label: str) -> tuple[np.ndarray, np.ndarray]:
     try:
         r, force = (np.asarray(column, dtype=float) for column in source)
     except (TypeError, ValueError, OverflowError):
-        raise InputError(f"{label}: a table is two sequences of numbers, extensions and forces") from None
+        raise InputError(f"{label}: a table must be two sequences of numbers, extensions and forces") from None
     if r.ndim != 1 or not r.size or r.shape != force.shape or not (np.isfinite(r).all() and np.isfinite(force).all()):
-        raise InputError(f"{label}: extensions and forces must be two finite lists of one length, with rows")
+        raise InputError(
+            f"{label}: extensions and forces must be two lists of finite numbers, of the same length and not empty"
+        )
     if max(np.abs(r).max(initial=0), np.abs(force).max(initial=0)) > 1e100:
-        raise InputError(f"{label}: extensions or forces too large to compute with; they lie below 1e100")
+        raise InputError(f"{label}: extensions or forces are too large to compute with; they must lie below 1e100")
     return r, force

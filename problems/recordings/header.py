@@ -170,7 +170,7 @@ def scales_of(
                 )
             scales.append(1.0)
         elif plain in NO_UNIT or (not any(found) and plain == unit):
-            remedy = 'state them, units=("mm", "N") (table:FILE?units=mm,N)'
+            remedy = 'state the units, units=("mm", "N") (table:FILE?units=mm,N)'
             raise InputError(f"{where} gives no unit of {short(title)!r}, but this machine is in SI: {remedy}")
         elif not any(found):
             names = ", ".join(name for own in known for name in own)
@@ -268,7 +268,7 @@ def _column_meant(where: str, header: RecordHeader, role: int) -> int:
         return plainest
     names = " and ".join(repr(short(header.cells[i].strip())) for i in columns[:3])
     what, remedy = ("extension", "force")[role], 'columns=("NAME", "NAME") or columns=(0, 1), table:FILE?columns=0,1'
-    raise InputError(f"{where}: {names} may each be the {what}: state both columns, {remedy}")
+    raise InputError(f"{where}: each of {names} may be the {what}: state both columns, {remedy}")
 
 
 def _why_no_header(where: str, lines: list[str], first: str, stated: Sequence[str | int] | None) -> str:

@@ -106,7 +106,7 @@ def _checked_names(machine: Machine, unknown: str | Sequence[str]) -> tuple[str,
         near = suggest(str(wrong[0]), known)
         raise InputError(f"the machine has no parameter {wrong[0]!r}{near} It has {', '.join(known)}")
     if len({*names}) < len(names):
-        raise InputError(f"unknown = {names}: a name occurs twice")
+        raise InputError(f"unknown = {names}: a name occurs twice; leave one out")
     return names
 
 
@@ -124,7 +124,9 @@ def _question(
     """What is fitted; raises `InputError` for channels that the record does not have, and too few samples."""
     own = {name: channels[name] for name in channels if any(name in record.values for record in records)}
     if not isinstance(noise, Mapping | None):
-        raise InputError(f"noise = {noise!r}; it maps channels to deviations, as {{'ground force': 5.0}}")
+        raise InputError(
+            f"noise = {noise!r}; it must map channels to standard deviations, such as {{'ground force': 5.0}}"
+        )
     stated, delays = noise or {}, list_of_names("delays", delays)
     offsets = None if offsets is None else list_of_names("offsets", offsets)
     for what, names_of in (("noise", stated), ("offsets", offsets or ()), ("delays", delays)):

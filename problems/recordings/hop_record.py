@@ -102,7 +102,9 @@ def read_hops(
         return _of_text(f"the record {short(path)}", short(path.name), text_of(path), stated)
     if hasattr(source, "to_csv"):
         return _of_text("the record of a DataFrame", "DataFrame", source.to_csv(index=False), stated)
-    raise InputError(f"source = {short(source)}; a record is a file, a data frame, a mapping of columns, or a list")
+    raise InputError(
+        f"source = {short(source)}; a record must be a file, a data frame, a mapping of columns, or a list"
+    )
 
 
 def _check_columns(stated: "_Stated", titles: Sequence[str], where: str) -> None:
@@ -149,7 +151,7 @@ def _by_channel(name: str, stated: object, channels: Collection[str]) -> Mapping
     if stated is None:
         return {}
     if not isinstance(stated, Mapping):
-        raise InputError(f'{name} = {stated!r}; it maps channels, as in {{"time": "t", "foot height": "z2"}}')
+        raise InputError(f'{name} = {stated!r}; it must map channels, as in {{"time": "t", "foot height": "z2"}}')
     known = ("time", *channels)
     if wrong := [each for each in stated if each not in known]:
         raise InputError(f"{name}: the machine has no channel {wrong[0]!r}{suggest(str(wrong[0]), known)}")
@@ -248,7 +250,7 @@ def _numbers(columns: Sequence[Any]) -> np.ndarray:
     try:
         return np.array([np.asarray(column, dtype=float).ravel() for column in columns], dtype=float)
     except (TypeError, ValueError, OverflowError):
-        raise InputError("a record is a mapping of columns of numbers, all of one length") from None
+        raise InputError("a record must be a mapping of columns of numbers, all of the same length") from None
 
 
 def _records(
@@ -262,7 +264,7 @@ def _records(
             raise InputError(f"{name}: two columns may be the {meaning}: {remedy}")
         found[meaning] = scale * own
     if "time" not in found:
-        raise InputError(f"{name} has no column of times, as 'time [s]': without it no hop can be followed")
+        raise InputError(f"{name} has no column of times, such as 'time [s]'; a fit needs one")
     if (times := found.pop("time")).size and not np.isfinite(times).all():
         raise InputError(f"{name}: the time of row {int(np.argmin(np.isfinite(times))) + 1} is missing")
     for meaning, own in (("time", times), *found.items()):

@@ -50,9 +50,9 @@ class Actuator:
 
     def __post_init__(self) -> None:
         if not isinstance(self.kind, str) or self.kind not in STATES_OF_ACTUATORS:
-            raise InputError(f"kind = {self.kind!r}; an actuator is a 'displacement' or a 'force'")
+            raise InputError(f"kind = {self.kind!r}; it must be 'displacement' or 'force'")
         if not (self.along is None or isinstance(self.along, str)):
-            raise InputError(f"along = {self.along!r}; it is a formula of the coordinates, as 'body - foot'")
+            raise InputError(f"along = {self.along!r}; it must be a formula of the coordinates, such as 'body - foot'")
 
     @property
     def state(self) -> str:
@@ -90,7 +90,7 @@ class Actuated(Stated):
 
     def __post_init__(self) -> None:
         if not isinstance(self.actuator, Actuator):
-            raise InputError(f"actuator = {self.actuator!r}; it is an Actuator(along, kind), or None")
+            raise InputError(f"actuator = {self.actuator!r}; it must be an Actuator(along, kind), or None")
         if not hasattr(self.machine, "stated"):
             kind = type(self.machine).__name__
             raise InputError(f"a {kind} has no spring whose end can be moved: state it as an orbits.Mechanism(...)")
@@ -313,14 +313,14 @@ def undamped(machine: Any) -> Any:
 def _resolved(actuator: Any, stated: Mechanism) -> Actuator:
     """The actuator with its formula, where the machine has what it names; raises `InputError` for another."""
     if not isinstance(actuator, Actuator):
-        raise InputError(f"actuator = {actuator!r}; it is an Actuator, as problems.Actuator('body - foot')")
+        raise InputError(f"actuator = {actuator!r}; it must be an Actuator, such as problems.Actuator('body - foot')")
     extensions = [each.extension for each in springs_of_mechanism(stated)]
     named = [each for each in dict.fromkeys(extensions) if isinstance(each, str)]
     choice = ", ".join(f"Actuator({each!r})" for each in named)
     if actuator.along is None:
         if len({*extensions}) != 1 or not named:
             raise InputError(
-                f"the {stated.name} has {len(extensions)} springs: name the extension of the one whose end is moved, "
+                f"the {stated.name} has {len(extensions)} springs: name the extension of the spring whose end moves, "
                 f"actuator={choice.replace(', ', ' or ') or 'Actuator(...), with the extension as a formula'}, or "
                 "--actuator in the command"
             )

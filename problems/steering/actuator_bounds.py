@@ -118,7 +118,9 @@ def actuator_limits(driven: Actuated, speed_force: SpeedForce = None, **bounds: 
     for name, bound in bounds.items():
         if not (isinstance(bound, Real) and bound == np.inf) and not finite_number(name, bound) > 0:
             quantity = Quantity(bound, dimensions[name])
-            raise InputError(Message("{name} = {bound:g}: the actuator's bound is above 0", name=name, bound=quantity))
+            raise InputError(
+                Message("{name} = {bound:g}; a bound of the actuator must be above 0", name=name, bound=quantity)
+            )
     separated = driven.model.separation(driven.values) is not None
     return Limits(**{n: float(bound) for n, bound in bounds.items()}, separated=separated, speed_force=speed_force)
 

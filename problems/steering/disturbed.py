@@ -117,7 +117,7 @@ def disturbed(
     if launch is None and error != 0:
         raise InputError("launch_error: this motion begins in contact; disturb its state instead")
     if state is not None and error != 0:
-        raise InputError("a disturbed start is a launch_error or a state: give one of them")
+        raise InputError("state the disturbed start by either launch_error or state")
     machine = Actuated(driven.source.with_values(**values), driven.actuator)
     nominal: dict[str, Any] = {"state": driven(0.0)}
     start: dict[str, Any] = {"state": driven(0.0) if state is None else state}
@@ -143,11 +143,11 @@ def _pushed(
     try:
         time, changes = finite_number("the time of the push", push[0]), dict(push[1])
     except (TypeError, ValueError, IndexError, KeyError):
-        raise InputError(f"push = {push!r}; it is a time, and changes of flight states by name") from None
+        raise InputError(f"push = {push!r}; it must be a time, and changes of flight states by name") from None
     if unknown := [name for name in changes if name not in names]:
         raise InputError(f"push: the machine has no flight state '{unknown[0]}'; it has {', '.join(names)}")
     if time <= 0:
-        raise InputError(f"push: time = {time:g}; it comes after the start, which is disturbed by state= instead")
+        raise InputError(f"push: time = {time:g}; it must lie after the start; state= disturbs the start itself")
     jump = np.array([finite_number(f"the push of {name}", changes.get(name, 0.0)) for name in names])
     for later in JUST_AFTER:
         first = simulate(machine, hops=hops, time=time * (1 + later), schedule=schedule, **start)

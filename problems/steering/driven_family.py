@@ -111,16 +111,16 @@ def _check_number(
     if name not in list(numbers):
         if name in list(LAUNCH_CONDITIONS):
             raise InputError(f"the {name} is not prescribed: take keep_hopping(machine, {name}=...)")
-        raise InputError(f"'{name}' is not a number of the motion; there are: {', '.join(numbers)}")
+        raise InputError(f"'{name}' is not a number of this motion; it has {', '.join(numbers)}")
     if driven.actuated.has_corners:
         raise InputError(
             "the law of the spring has corners, and the motion may pass them in another order: find each hop"
         )
     aim = driven.parameters["aim"] if name == "short" and name in launch else np.inf
     if abs(numbers[name] - to) <= (OF_THE_ORBIT * aim if aim < np.inf else 0.0):
-        raise InputError(f"{name} goes from {to:g} to {to:g}: there is no way between")
+        raise InputError(f"{name} goes from {to:g} to {to:g}: choose another last value")
     if name in launch and aim == np.inf and not to > 0:
-        raise InputError(f"to = {to:g}: a hop has a {name} above 0")
+        raise InputError(f"to = {to:g}; the {name} of a hop must be above 0")
     if not to < aim:
         raise InputError(f"to = {to:g} leaves no launch speed: it lies below the speed of the target, {aim:.6g}")
 

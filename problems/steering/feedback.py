@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 def held_hop(driven: "Driven", *, delay: float = 0.0, limits: HeldLimits, **options: Any) -> Hold:
     """The feedback of `Driven.hold`, see there."""
     if not driven.periodic or [leg.phase for leg in driven.legs] != ["flight", "contact"]:
-        raise InputError("hold takes a hop that repeats itself, as keep_hopping returns it")
+        raise InputError("hold needs a periodic hop, such as keep_hopping returns")
     actuated, bare = driven.actuated, driven.dimensionless()
     own, units = bare.actuated, actuated.units
     rate = own.actuator.rate

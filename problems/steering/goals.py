@@ -97,7 +97,7 @@ def in_units_of_the_machine(function: Callable[_P, Control]) -> Callable[_P, Dri
     def once(machine: Any, *arguments: object, **options: Any) -> Driven:
         driven = _actuated(machine, options.pop("actuator", None))
         if not isinstance(guess := options.get("guess"), Control | None):
-            raise InputError(f"guess = {guess!r}; it is the result for a machine nearby")
+            raise InputError(f"guess = {guess!r}; it must be the result for a similar machine")
 
         def in_si(control: Control, machine: Any) -> Control:
             return motion_in_si(driven, machine, control, options.get("cost", "effort"))
@@ -169,9 +169,9 @@ def keep_hopping(
     125.8
     """
     if cost not in ("effort", "work", "peak"):
-        raise InputError(f"cost = {cost!r}; it is 'effort', 'work' or 'peak'")
+        raise InputError(f"cost = {cost!r}; it must be 'effort', 'work' or 'peak'")
     if cost == "work" and rate == np.inf:
-        raise InputError("positive work has no minimum without a bound of the rate: give the largest rate")
+        raise InputError("without a bound on its rate the positive work has no minimum: give the largest rate")
     bounds = {"rate": rate, "stroke": stroke, "force": force, "power": power, "speed_force": speed_force}
     hop = _hop(_actuated(machine, actuator), family, start, lossless, intervals, bounds)
     hop = replace(hop, prescribed=prescribed_hop(hop.driven, hop.orbit, speed=speed, height=height, period=period))
@@ -365,7 +365,9 @@ def _hop(driven: Actuated, family: int, start: Any, lossless: bool, intervals: i
     """The hop of checked arguments."""
     orbit = _lossless(driven, family, start)
     if driven.restitution > 0 and not lossless:
-        raise InputError(f"restitution = {driven.restitution:g}: the free landing is plastic: set the restitution to 0")
+        raise InputError(
+            f"restitution = {driven.restitution:g}: a free landing must be plastic: set the restitution to 0"
+        )
     intervals = whole_number("intervals", intervals, "intervals of flight and contact together", 2, MOST_INTERVALS)
     return _Hop(driven, orbit, bool(lossless), intervals, actuator_limits(driven, **bounds))
 
@@ -475,9 +477,9 @@ def _lossless(driven: Actuated, family: int, start: Any) -> Orbit:
     if isinstance(start, Mapping | str | Path):
         return find(undamped(driven.machine), start=start)
     if not isinstance(start, Orbit):
-        raise InputError(f"start = {start!r}; it is an orbit, as find returns it")
+        raise InputError(f"start = {start!r}; it must be an orbit, such as find returns")
     if len(start(0.0)) != len(states):
-        raise InputError(f"start has {len(start(0.0))} states, but those of the machine are {', '.join(states)}")
+        raise InputError(f"start has {len(start(0.0))} states, but the machine has the states {', '.join(states)}")
     return start
 
 
@@ -487,11 +489,9 @@ def _aim(driven: Actuated, orbit: Orbit, aim: Driven | None) -> dict[str, float]
         unknowns = driven.model.launch_at(np.append(orbit(0.0), 0.0))
         return {**{name: float(x) for name, x in unknowns.items()}, "alpha": float(orbit.alpha)}
     if not isinstance(aim, Driven) or not aim.periodic or aim.launch is None:
-        raise InputError(f"aim = {aim!r}; it is a hop that repeats itself, as keep_hopping returns it")
+        raise InputError(f"aim = {aim!r}; it must be a periodic hop, such as keep_hopping returns")
     if aim.actuated.describe() != driven.describe() or not is_driven_motion_of(aim, driven):
-        raise InputError(
-            "aim is a hop of another machine or actuator: keep this one hopping first, keep_hopping(machine)"
-        )
+        raise InputError("aim is a hop of another machine or actuator: find a hop of this one by keep_hopping(machine)")
     return {name: float(x) for name, x in driven.model.launch_at(aim.legs[0].path(0.0)).items()}
 
 

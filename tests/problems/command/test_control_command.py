@@ -72,7 +72,7 @@ def test_start_up(orbits):
         (
             "keep-hopping --follow zeta:1",
             2,
-            "'zeta' is not a number of the motion; there are: mass_ratio, damping, drag",
+            "'zeta' is not a number of this motion; it has mass_ratio, damping, drag",
         ),
         ("keep-hopping --follow damping:0.1 --animate hop.gif", 2, "draws one motion"),
         ("recover --short 0.1 --follow damping:0.1", 2, "--follow belongs to keep-hopping"),

@@ -138,7 +138,7 @@ def test_files_state_runners(tmp_path):
     si = build({"machine": "runner", "si": {**own, "stiffness": 2e4, "hip_stiffness": 900.0}})
     assert si.in_si
     assert si.values["surface_gravity"] == 9.80665
-    with pytest.raises(InputError, match=r"in SI needs stiffness \(N/m\), hip_stiffness \(N m/rad\): numbers that"):
+    with pytest.raises(InputError, match=r"in SI needs stiffness \(N/m\), hip_stiffness \(N m/rad\): only a runner"):
         build({"machine": "runner", "si": own})
     with pytest.raises(InputError, match="'mass_ratio' belongs to machines that hop: a runner has foot_mass"):
         build({"machine": "runner", "mass_ratio": 2.0})

@@ -83,7 +83,7 @@ def test_marks_of_thousands(mark, tmp_path):
 )
 def test_ties_are_refused_with_both_names(header, names, tmp_path):
     path = written(tmp_path, header)
-    with pytest.raises(InputError, match=f"{names} may each be the .*: state both columns"):
+    with pytest.raises(InputError, match=f"each of {names} may be the .*: state both columns"):
         read_record(path, "[" in header)
 
 

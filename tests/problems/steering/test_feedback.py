@@ -101,7 +101,7 @@ def test_a_chain_is_held_by_a_spring_whose_end_moves():
 
 
 def test_what_is_not_held():
-    with pytest.raises(InputError, match="hold takes a hop that repeats itself, as keep_hopping returns it"):
+    with pytest.raises(InputError, match="hold needs a periodic hop, such as keep_hopping returns"):
         steering.recover(Hopper(), 0.1, intervals=14).hold()
     with pytest.raises(InputError, match="stroke = -1; a bound of the actuator must be above 0"):
         steering.keep_hopping(Hopper(), intervals=14).hold(stroke=-1.0)
