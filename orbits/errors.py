@@ -167,9 +167,9 @@ def whole_number(name: str, value: object, what: str = "", least: int = 1, most:
         number = int(value)
     largest = LARGEST_NUMBER if most is None else most
     if not least <= number <= largest:
-        bounds = "upwards" if most is None and number < least else f"to {largest}"
-        kind = f"number of {what}," if what else "whole number"
-        raise InputError(f"{name} = {value!r}; it must be a {kind} from {least} {bounds}")
+        bounds = f"at least {least}" if most is None and number < least else f"from {least} to {largest}"
+        kind = f"number of {what}," if what else "whole number,"
+        raise InputError(f"{name} = {value!r}; it must be a {kind} {bounds}")
     return number
 
 

@@ -261,7 +261,7 @@ def check_ending(path: str | Path, endings: tuple[str, ...]) -> Path:
     """The path of a file to write; raises `InputError` when it is not a path, or has another ending than these."""
     path = named_file(path)
     if endings and path.suffix.lower() not in endings:
-        raise InputError(f"'{path}' cannot be written: its name needs an ending, {' or '.join(endings)}")
+        raise InputError(f"'{path}' cannot be written: its name must end in {' or '.join(endings)}")
     return path
 
 

@@ -30,7 +30,7 @@ def test_whole_numbers_within_their_bounds(value):
 def test_other_numbers_are_refused(value):
     with pytest.raises(InputError, match=r"order = .*; it must be a number of powers, from 2 to 5"):
         whole_number("order", value, "powers", 2, 5)
-    with pytest.raises(InputError, match=r"order = -1; it must be a number of powers, from 0 upwards"):
+    with pytest.raises(InputError, match=r"order = -1; it must be a number of powers, at least 0"):
         whole_number("order", -1, "powers", 0)
 
 

@@ -277,7 +277,7 @@ def test_designs_over_masses(tmp_path):
             "method = 'x 2'; it must be one of closed form, relative, half orbit, shooting",
         ),
         (lambda m: simulate(m, 1.5, time=-2.0), "time = -2.0; it must be a number above 0"),
-        (lambda m: simulate(m, 1.5, hops=0), "hops = 0; it must be a number of lift-offs, from 1 upwards"),
+        (lambda m: simulate(m, 1.5, hops=0), "hops = 0; it must be a number of lift-offs, at least 1"),
         (lambda m: simulate(m, -1.5, hops=1), "alpha = -1.5; a launch speed must be above 0"),
         (lambda m: simulate(m, state=[1, 2], hops=1), "state = [1, 2]; it must be 4 numbers, y1, y1', y2, y2'"),
         (lambda m: simulate(m, 1.5, hops=1, schedule=5), f"schedule = 5{SCHEDULE}"),
@@ -289,7 +289,7 @@ def test_designs_over_masses(tmp_path):
         ),
         (
             lambda m: ReturnMap(m).fixed_points(1, 2, samples=0),
-            "samples = 0; it must be a number of launches, from 2 upwards",
+            "samples = 0; it must be a number of launches, at least 2",
         ),
     ],
 )

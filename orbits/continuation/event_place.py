@@ -33,7 +33,7 @@ def located_event(family: Family, event: Event | str, number: int) -> Event:
     if number < len(found):
         return found[number]
     counts = Counter(each.kind for each in family.events)
-    here = ", ".join(f"{count} '{kind}'" for kind, count in counts.items()) or "none"
+    here = ", ".join(f"{count} '{kind}'" for kind, count in counts.items()) or "no events"
     if found:
         raise NoOrbit(f"number = {number}: the family has {here}, counted from 0")
     machine, known = family.source, [*TEST_FUNCTIONS, *OTHER_EVENTS, *counts]

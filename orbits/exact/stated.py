@@ -316,7 +316,7 @@ def stated_machine(machine: Machine, parameters: Mapping[str, Decimals], along: 
     free = free_parameters(machine)
     for name in parameters:
         if name not in free:
-            raise InputError(f"the machine has no parameter '{name}' to follow; it has {', '.join(free)}")
+            raise InputError(f"the machine has no parameter '{name}'; it has {', '.join(free)}")
     known = mechanism.values
     values = {name: exact_bounds(name, {**known, **parameters}[name]) for name in mechanism.names if name in known}
     for end in (0, 1):

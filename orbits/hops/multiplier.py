@@ -82,7 +82,7 @@ def slope_of_hop(rules: Rules, alpha: float) -> float:
         raise NoOrbit(no_launch(alpha))
     hop = hop_derivative(rules, x, (high - low)[:, None] / (2 * step))
     if hop.tangential:
-        text, law = "the landing is tangential, at speed {speed:.1e}: no multiplier", None
+        text, law = "the landing is tangential, at speed {speed:.1e}, so there is no multiplier", None
         if rules is impacts:
             text, law = text + "; {law}", _one_sided(impacts, alpha, hop)
         raise NoOrbit(Message(text, speed=Quantity(hop.speed, SPEED), law=law))
@@ -285,8 +285,8 @@ def _one_sided(impacts: Impacts, alpha: float, hop: HopDerivative) -> Message:
     """The power law that replaces the multiplier where a hop lands tangentially."""
     slope = hop.gap_slopes[0]
     if (found := losses_beside(impacts, hop, slope, impacts.launch_inertia * alpha)) is None:
-        return Message("nor a power law")
-    text = "alpha {first} d loses {c:.4g} d**(4/3), alpha {other} d {more:.4g} d**(4/3)"
+        return Message("there is no power law either")
+    text = "a launch at alpha {first} d loses {c:.4g} d**(4/3), a launch at alpha {other} d {more:.4g} d**(4/3)"
     first, other = ("+", "-") if slope > 0 else ("-", "+")
     c, more = (Quantity(loss, DIMENSIONS["loss_coefficient"]) for loss in found)
     return Message(text, first=first, other=other, c=c, more=more)

@@ -82,6 +82,8 @@ def simulate(
     inputs = None if schedule is None else parsed_schedule(schedule)
     if feedback is not None and inputs is not None:
         raise InputError("feedback: leave out either the schedule or the feedback")
+    if feedback is not None and not hasattr(feedback, "name"):
+        raise InputError(f"feedback = {feedback!r}; it must be a feedback, such as orbits.control.hold returns")
     if feedback is not None and feedback.name not in machine.values:
         raise InputError(
             f"feedback: the machine has no parameter '{feedback.name}': simulate the machine that the feedback was "

@@ -182,7 +182,7 @@ def question_of(
     if (outcome == "map") != (LAUNCH_SPEED in members.names):
         raise InputError(f"'{LAUNCH_SPEED}' is a launch speed: sweep over it with outcome = 'map', and only then")
     if (outcome == "fixed_points") != (between is not None):
-        raise InputError("between = (low, high), two launch speeds, belongs to outcome = 'fixed_points'")
+        raise InputError("outcome = 'fixed_points', and no other, needs between = (low, high), two launch speeds")
     further = columns_of_tuned(machine.model, tuning.names) if tuning else ()
     numbers = (*COLUMNS_OF[outcome], *further)
     quantities = [each for each in quantities if each not in (*members.names, *numbers)]  # those are columns anyway

@@ -86,7 +86,7 @@ def test_a_file_that_cannot_be_written_is_refused_before_the_run(tmp_path, monke
     family = follow(machine, "beta", 1.0, 0.0, most=2)
     for module, name in (("follow", "begin_run"), ("follow", "FamilyProblem"), ("follow_event", "run_along_event")):
         monkeypatch.delattr(import_module(f"orbits.continuation.{module}"), name)
-    for name, reason in (("missing/x.jsonl", "there is no folder"), ("x.txt", "its name needs an ending, .jsonl")):
+    for name, reason in (("missing/x.jsonl", "there is no folder"), ("x.txt", "its name must end in .jsonl")):
         path = tmp_path / name
         with pytest.raises(InputError, match=reason):
             follow(machine, "beta", 1.0, 0.0, output=path)

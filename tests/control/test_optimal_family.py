@@ -106,7 +106,7 @@ def test_a_minimum_is_lost_where_the_rod_buckles():
         (lambda found: found.follow("d", np.nan), "not a finite number"),
         (lambda found: found.follow("d", 2.0, at=[3.0]), "at = 3 is not reached: d goes from 1 to 2"),
         (lambda found: found.follow("d", 2.0, at=1.5), "it must be a list of values"),
-        (lambda found: found.follow("d", 2.0, most=0), "a number of points, from 1 upwards"),
+        (lambda found: found.follow("d", 2.0, most=0), "a number of points, at least 1"),
         (lambda found: found.follow("d", 2.0, longest=-1.0), "it must be a share of the way"),
         (lambda found: pickle.loads(pickle.dumps(found)).follow("d", 2.0), "find it again"),
     ],

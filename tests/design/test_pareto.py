@@ -86,5 +86,5 @@ def test_a_front_saves_a_table_and_refuses_what_it_does_not_know(tmp_path):
     assert head == "alpha,-stroke,beta"
     assert [float(cell) for cell in rows[0].split(",")] == [*front.values[0], front.column("beta")[0]]
     for result in (front, front.designs[0], front.designs[0].orbit):
-        with pytest.raises(InputError, match=r"needs an ending, \.json"):
+        with pytest.raises(InputError, match=r"must end in \.json"):
             result.save(tmp_path / "result.xyz")

@@ -190,7 +190,7 @@ class TestStatuses:
         (lambda: simulate(Hopper(), 4.0, hops="x"), "hops = 'x'; it must be a number of lift-offs"),
         (lambda: simulate(Hopper(), 4.0, time="x"), "time = 'x'; it must be a number above 0"),
         (lambda: simulate(Hopper(), 4.0, time=np.nan), "time = nan; it must be a number above 0"),
-        (lambda: simulate(Hopper(), 4.0, hops=1, cap="x"), "cap = 'x'; it must be a number of impacts, from 1"),
+        (lambda: simulate(Hopper(), 4.0, hops=1, cap="x"), "cap = 'x'; it must be a number of impacts, at least 1"),
         (lambda: simulate(Hopper(), state="x", hops=1), "state = 'x'; it must be 4 numbers"),
         (lambda: ReturnMap(Hopper(), inject="x"), "inject = 'x' is not a finite number"),
         (lambda: ReturnMap(Hopper())("x"), "alpha = 'x'; launch speeds must be numbers"),

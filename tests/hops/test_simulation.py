@@ -83,7 +83,7 @@ def test_a_cap_ends_with_a_status():
         ({"state": [1, 2, 3], "hops": 1}, "4 numbers, y1, y1', y2, y2'"),
         ({"state": [1, 2, -3, 4], "hops": 1}, "must be open"),
         ({"state": find(Hopper()), "hops": 1}, "begins with the orbit's launch"),
-        ({"alpha": 2.0, "hops": 0}, "hops = 0; it must be a number of lift-offs, from 1"),
+        ({"alpha": 2.0, "hops": 0}, "hops = 0; it must be a number of lift-offs, at least 1"),
         ({"alpha": 2.0, "time": -1.0}, "time = -1.0; it must be a number above 0"),
     ],
 )

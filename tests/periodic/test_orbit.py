@@ -64,7 +64,7 @@ class TestPlots:
         for index, hop in enumerate((orbit, find(Hopper()), find(Juggler()))):
             with Image.open(hop.animate(tmp_path / f"hop{index}.gif", frames=6)) as image:
                 assert image.n_frames == 6
-        with pytest.raises(InputError, match=r"needs an ending, \.gif"):
+        with pytest.raises(InputError, match=r"must end in \.gif"):
             orbit.animate(tmp_path / "hop.avi")
 
 

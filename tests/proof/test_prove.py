@@ -113,7 +113,7 @@ class TestErrors:
     @pytest.mark.parametrize(
         ("parameters", "telling"),
         [
-            ({"gamma": 1}, "no parameter 'gamma' to follow; it has .*beta"),
+            ({"gamma": 1}, "no parameter 'gamma'; it has .*beta"),
             ({"beta": (0.31, 0.3)}, "beta = \\(0.31, 0.3\\); low must not be above high"),
             ({"beta": (0.1, 0.2, 0.3)}, "two bounds"),
             ({"beta": "a third"}, "beta = 'a third' is not a decimal"),

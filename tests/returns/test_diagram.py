@@ -56,5 +56,5 @@ def test_the_diagram_as_document_table_and_figure(tmp_path):
     assert len(labels) == len(set(labels))
     assert f"{'flip':<24}inject = 0.0715873841" in str(diagram)
     assert "\n" not in repr(diagram)
-    with pytest.raises(InputError, match="needs an ending"):
+    with pytest.raises(InputError, match="must end in"):
         diagram.save(tmp_path / "diagram.txt")

@@ -66,7 +66,7 @@ def test_start_up(orbits):
         ("keep-hopping --cost joy", 2, "it is 'effort', 'work' or 'peak'"),
         ("keep-hopping --actuator 'force:y1 - y3'", 2, "there is no coordinate 'y3'"),
         ("keep-hopping --actuator 'torque:y1 - y2'", 2, "a 'displacement' or a 'force'"),
-        ("keep-hopping --save hold.txt", 2, "needs an ending"),
+        ("keep-hopping --save hold.txt", 2, "must end in"),
         ("keep-hopping --follow damping", 2, "as damping:0.2"),
         ("keep-hopping --follow damping:much", 2, "--follow 'much' is not a number"),
         (

@@ -114,7 +114,7 @@ def test_a_store_is_refused_without_resume_and_gone_on_with(orbits, tmp_path):
         ("--over beta=0:1 --from designs.csv", "--over NAME=RANGE"),
         ("--from nothing.csv", "not a table of designs"),
         ("--over 'mass_ratio=norm(1,1)' --set beta=0.1", "mass_ratio"),
-        ("--over beta=0:1 --output members.xyz", "needs an ending"),
+        ("--over beta=0:1 --output members.xyz", "must end in"),
         ("--over beta=0:1 --store /nowhere/study.db --resume", "no folder"),
         ("--over beta=", "is not a list of numbers"),
         ("--over 'beta=norm(0,inf)'", "finite"),

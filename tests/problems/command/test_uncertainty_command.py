@@ -60,7 +60,7 @@ def test_the_figure_of_a_quantity(orbits, tmp_path):
         ("--over mass=1:2", 2, "mass"),
         ("--over k=7000:9000 --samples 1", 2, "samples"),
         ("--over k=7000:9000 --quantities strike", 2, "did you mean 'stroke'"),
-        ("--over k=7000:9000 --output spread.txt", 2, "needs an ending"),
+        ("--over k=7000:9000 --output spread.txt", 2, "must end in"),
         ("--over k=7000:9000 --quantity stroke", 2, "give --plot FILE too"),
         ("--over k=7000:9000 --family 40 --limit 1e-9", 1, "time"),
     ],

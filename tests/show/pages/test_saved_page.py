@@ -87,7 +87,7 @@ def test_the_page_of_a_sweep(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("name", "said"), [("hop.pdf", "needs an ending, .html"), ("none/hop.html", "there is no folder")]
+    ("name", "said"), [("hop.pdf", "must end in .html"), ("none/hop.html", "there is no folder")]
 )
 def test_bad_paths_are_refused(name, said, tmp_path, softening_family):
     swept = sweep(Hopper("cubic", rest_length=30), {"beta": [0.0]})
