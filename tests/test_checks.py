@@ -322,5 +322,5 @@ def test_a_force_without_numbers_is_found():
 def test_what_is_not_stated_is_refused():
     with pytest.raises(InputError, match=r"a SimpleNamespace states no mechanics to check: state an orbits\.Mechanism"):
         check(SimpleNamespace(model=Hopper().model))
-    with pytest.raises(InputError, match="an infinitely heavy hand is the limit of mechanisms: state a Juggler"):
+    with pytest.raises(InputError, match="an infinitely heavy hand is only a limit of mechanisms: state a Juggler"):
         check(HeavyHand())

@@ -515,8 +515,8 @@ class TestMap:
             ("--alpha 1 --restitution 2", "restitution"),
             ("--alpha 1 --damping -1", "damping"),
             ("--alpha 1 --plot x.png", "needs a range"),
-            ("--alpha 5:1:4", "the range goes up, A < B"),
-            ("--alpha 3:3:4", "the range goes up, A < B"),
+            ("--alpha 5:1:4", "A must be below B"),
+            ("--alpha 3:3:4", "A must be below B"),
             ("--alpha 3 --inject nan", "inject = nan is not a finite number"),
             ("--alpha 3:4:9 --cobweb 3.5", "give --plot FILE too"),
             ("--alpha 3:4:9 --plot x.png --cobweb -1", "a launch speed must be above 0"),
@@ -619,7 +619,7 @@ def test_several_families_are_followed_together(orbits, tmp_path, monkeypatch):
     assert document["numbers"] == [1, 3]
     assert document["families"][1]["points"][0]["alpha"] == pytest.approx(10.904121659428899, rel=1e-13)
     for other in ("--family 2", "--output x.jsonl", "--save x.jsonl", "--event fold --second rest_length=8"):
-        assert "are of one family" in " ".join(orbits(f"{line} {other}").err.split())
+        assert "are for one family" in " ".join(orbits(f"{line} {other}").err.split())
 
 
 def test_a_way_back_that_is_lost_and_a_family_that_is_missing_end_in_code_1(orbits, tmp_path):

@@ -43,7 +43,7 @@ def test_exit_code_1_where_nothing_hops(orbits):
     [
         ("--along beta=0.2:0.1 --across mass_ratio=1,2", "low must be below high"),
         ("--along beta --across mass_ratio=1,2", "--along 'beta' is not of the form NAME=LOW:HIGH"),
-        ("--along beta=0.1,0.2 --across mass_ratio=1,2", "--along 'beta=0.1,0.2' is NAME=LOW:HIGH"),
+        ("--along beta=0.1,0.2 --across mass_ratio=1,2", "--along 'beta=0.1,0.2' must be NAME=LOW:HIGH"),
         ("--along beta=0:1 --across beta=0:1", "a second parameter"),
         ("--along beta=0:1 --across rest_length=6:9 --samples 5,1", "samples = (5, 1)"),
         ("--along beta=0:1 --across rest_length=6:9 --samples a", "--samples 'a' is not a list of numbers"),

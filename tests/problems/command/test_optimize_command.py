@@ -63,8 +63,8 @@ def test_command_line_of_a_front(orbits, tmp_path):
         ('"largest_contact_force"', '"largest_contact_forse"', 2, "did you mean 'largest_contact_force'"),
         ("family = 2", "famly = 2", 2, "unknown key 'famly'; did you mean 'family'"),
         ("starts = 1", "starts = 'locals'", 2, "it must be a number, or 'global'"),
-        ("family = 2", "points = 2", 2, "points belong to a front"),
-        ("[design.over]\nk = [500, 5e4]\nb = [0, 1e7]\n", "", 2, "[design.over] names the parameters"),
+        ("family = 2", "points = 2", 2, "points are for a front"),
+        ("[design.over]\nk = [500, 5e4]\nb = [0, 1e7]\n", "", 2, "[design.over] must name the parameters"),
         (FILE[FILE.index("[design]") :], "", 2, "has no [design]"),
     ],
 )

@@ -193,7 +193,7 @@ class TestStartOfSeveralNumbers:
         file = soft[2] if name == "optimize" else f"--machine {soft[2]}"
         done = orbits(f"{name} {file} {OF_SEVERAL.get(name, '')}")
         assert done.code == 2
-        assert "several numbers, liftoff, alpha, ground, ground': give --start FILE" in done.err
+        assert "several numbers, liftoff, alpha, ground, ground': give a saved orbit, --start FILE" in done.err
 
     def test_the_file_of_another_machine(self, soft, orbits):
         done = orbits(f"simulate --start {soft[3]} --hops 1")
@@ -207,7 +207,7 @@ def test_one_number_starts_from_a_file_too(tmp_path, orbits):
         done = orbits(f"{line} --start {tmp_path / 'hop.json'} --json")
         assert done.code == 0
     assert done.document["launches"] == pytest.approx([orbit.alpha] * 2, rel=1e-12)
-    assert "--alpha A, or that of a saved orbit" in orbits("map").err
+    assert "--alpha A, or --start FILE" in orbits("map").err
 
 
 class TestSteps:
@@ -220,7 +220,7 @@ class TestSteps:
             ("--machine wheel --set angle=2", "angle = 2; it must lie above 0 and below 1.5708"),
             ("--machine rocker --set gravity_ratio=0", "gravity_ratio = 0; it must lie above 0"),
             ("--machine wheel --mass-ratio 2", "'mass_ratio' belongs to machines that hop: a wheel has inertia_ratio"),
-            ("--machine wheel --masses 1,2", "are for hopping machines: a wheel is in SI by [si]"),
+            ("--machine wheel --masses 1,2", "only hopping machines have them; a wheel needs a table [si]"),
             ("--machine shuttle --spring 'r + r**2'", "an odd law, such as"),
             (
                 "--machine wagon",

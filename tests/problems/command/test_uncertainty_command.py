@@ -56,7 +56,7 @@ def test_the_figure_of_a_quantity(orbits, tmp_path):
     [
         ("", 2, "--over"),
         ("--over k", 2, "is not of the form NAME=LOW:HIGH"),
-        ("--over 'k=norm(8000,-1)'", 2, "a standard deviation above 0"),
+        ("--over 'k=norm(8000,-1)'", 2, "the standard deviation must be finite and above 0"),
         ("--over mass=1:2", 2, "mass"),
         ("--over k=7000:9000 --samples 1", 2, "samples"),
         ("--over k=7000:9000 --quantities strike", 2, "did you mean 'stroke'"),

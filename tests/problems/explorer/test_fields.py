@@ -53,7 +53,7 @@ def test_fields_take_nothing_that_is_no_scene(act, told):
         ("rows", None, "need a machine that hops"),
         ("floating", True, "all of its numbers"),
         ("spring", "r + b*r**3", "no 'stiffness': write it with that"),
-        ("number", 7.5, "a whole number of them, from 3"),
+        ("number", 7.5, "a whole number, at least 3"),
     ],
 )
 def test_what_no_machine_that_steps_has_is_refused(act, value, words):
@@ -64,7 +64,7 @@ def test_what_no_machine_that_steps_has_is_refused(act, value, words):
 
 def test_a_run_has_a_speed_above_0_and_its_tuned_numbers_are_no_sliders():
     runner = beginning("runner")
-    with pytest.raises(InputError, match="with a speed above 0"):
+    with pytest.raises(InputError, match="the speed of a run must be above 0"):
         changed(runner, "number", {"name": "speed", "value": 0.0})
     fields = shown_fields(runner, dials_of(runner.build(), runner), False)
     assert [dial["name"] for dial in fields["dials"]] == ["foot_mass", "rest_length", "speed"]

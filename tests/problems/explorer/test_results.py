@@ -79,7 +79,7 @@ def test_a_run_is_that_of_find_and_is_found_again_from_its_start():
 def test_where_no_map_can_be_drawn_the_reason_is_stated():
     for scene, words in (
         (replace(beginning("wheel"), numbers={"inertia_ratio": 1.0, "gravity_ratio": 0.5}), "loses nothing"),
-        (replace(beginning("wheel"), family=3), "which rounding hides"),
+        (replace(beginning("wheel"), family=3), "rounding hides such a difference"),
     ):
         with pytest.raises(InputError, match=words):
             next(map_results(None, scene))

@@ -191,12 +191,12 @@ def test_a_branch_of_a_loop():
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (("k*r + m*r",), "do not determine k and m apart"),
+        (("k*r + m*r",), "do not distinguish k and m"),
         (("k*r", {"c": 1.0}), "no parameter 'c'"),
         (("2*r",), "no parameters to fit"),
-        (("k*r + b*sqrt(r)",), "not finite at some rows"),
+        (("k*r + b*sqrt(r)",), "not finite at some of the rows"),
         (("k*r + 0*b",), "do not depend on the parameter 'b'"),
-        ((5,), "it is a text"),
+        ((5,), "it must be text"),
         ((springs.bilinear(),), "is not a formula of the force"),
     ],
 )

@@ -69,7 +69,7 @@ def test_two_sequences_in_stated_units():
         ({"units": ("mm", "N")}, "state in_si=True too"),
         ({"in_si": True, "units": "mm"}, "it is two, that of extension and that of force"),
         ({"in_si": True, "units": ("mm", "N m")}, "mm and N m belong to two kinds of springs"),
-        ({"columns": ("a", "b")}, "two sequences have none"),
+        ({"columns": ("a", "b")}, "two sequences have no names"),
         ({"columns": (0, True)}, "it is two"),
     ],
 )

@@ -74,7 +74,7 @@ def test_a_force_does_work_along_its_way():
         (Chain(), Actuator("y1 - y3"), "no spring has the extension 'y1 - y3'"),
         (Chain(), Actuator("y1 - y4", kind="force"), "there is no coordinate 'y4'; known: y1, y2, y3"),
         (Chain(), Actuator("2", kind="force"), "has no coordinate; there are y1, y2, y3"),
-        (Chain(), "y1 - y2", "it is an Actuator"),
+        (Chain(), "y1 - y2", "it must be an Actuator"),
         (Hopper(springs.lossy("r", loss_factor=0.1)), Actuator(), "has hysteresis, which schedules do not support"),
         (restated(as_spring("r + f*r**3", {"f": 0.1})), Actuator(kind="force"), "actuator's own name"),
         (
@@ -90,9 +90,9 @@ def test_what_no_actuator_fits(machine, actuator, words):
 
 
 def test_what_is_no_actuator():
-    with pytest.raises(InputError, match="'displacement' or a 'force'"):
+    with pytest.raises(InputError, match="must be 'displacement' or 'force'"):
         Actuator(kind={})
-    with pytest.raises(InputError, match="'displacement' or a 'force'"):
+    with pytest.raises(InputError, match="must be 'displacement' or 'force'"):
         Actuator("body - foot", kind="torque")
     with pytest.raises(InputError, match="a formula of the coordinates"):
         Actuator(3)

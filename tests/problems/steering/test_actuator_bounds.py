@@ -74,7 +74,7 @@ def test_a_force_by_the_speed_is_two_numbers(stated, words):
 
 @pytest.mark.parametrize("bound", ["rate", "stroke", "force", "power"])
 def test_a_bound_is_above_zero(bound):
-    with pytest.raises(InputError, match=f"{bound} = -1: the actuator's bound is above 0"):
+    with pytest.raises(InputError, match=f"{bound} = -1; a bound of the actuator must be above 0"):
         steering.keep_hopping(MACHINE, **{bound: -1.0})
     with pytest.raises(InputError, match=f"{bound} = .* is not a finite number"):
         steering.keep_hopping(MACHINE, **{bound: np.zeros(0)})

@@ -218,9 +218,9 @@ def test_a_short_launch_is_brought_back(lossless):
     [
         (lambda: steering.keep_hopping(Hopper(), cost="money"), "'effort', 'work' or 'peak'"),
         (lambda: steering.keep_hopping(Hopper(), cost="work"), "largest rate"),
-        (lambda: steering.keep_hopping(Hopper(), rate=-1.0), "bound is above 0"),
+        (lambda: steering.keep_hopping(Hopper(), rate=-1.0), "a bound of the actuator must be above 0"),
         (lambda: steering.keep_hopping(Hopper(), intervals=1), "from 2"),
-        (lambda: steering.keep_hopping(Hopper(restitution=0.5), lossless=False), "the free landing is plastic"),
+        (lambda: steering.keep_hopping(Hopper(restitution=0.5), lossless=False), "a free landing must be plastic"),
         (lambda: steering.start_up(Hopper(), 0), "from 1"),
         (lambda: steering.start_up(Hopper(), np.nan), "pumps = nan"),
         (lambda: steering.keep_hopping(Hopper(), intervals=np.inf), "intervals = inf"),
