@@ -55,7 +55,7 @@ def prescribed_hop(driven: Actuated, orbit: Orbit, **stated: float | None) -> di
     refuse_taken(wanted, driven.still, "what is prescribed of a hop")
     for name, value in wanted.items():
         if not value > 0:
-            text = "{name} = {value:g}: a hop has a {name} above 0"
+            text = "{name} = {value:g}; the {name} of a hop must be above 0"
             raise InputError(Message(text, name=name, value=Quantity(value, LAUNCH_CONDITIONS[name])))
         if name == "height":
             check_free_fall(driven, [orbit(t) for t in np.linspace(0.0, float(orbit.flight_time), 5)])

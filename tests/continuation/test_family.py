@@ -50,7 +50,7 @@ def test_questions_about_quantities_and_values_that_are_not_there(softening_fami
         softening_family.plot("height")
     with pytest.raises(InputError, match=r"at = 0\.1 is not reached: beta goes from 0 to -0\.02"):
         follow(Hopper("cubic"), "beta", -0.02, 0.0, at=[0.1])
-    with pytest.raises(InputError, match=r"ending, \.jsonl or \.json or \.csv or \.nc"):
+    with pytest.raises(InputError, match=r"must end in \.jsonl or \.json or \.csv or \.nc"):
         softening_family.save(tmp_path / "family.txt")
     with pytest.raises(InputError, match="watch 'x' returns nan"):
         follow(Hopper("cubic"), "beta", 1.0, 0.0, watch={"x": lambda orbit: np.nan})

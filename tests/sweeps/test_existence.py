@@ -104,7 +104,7 @@ def test_files(diagram, tmp_path):
     lines = diagram.save(tmp_path / "a.csv").read_text(encoding="utf-8").splitlines()
     assert lines[0] == "delta,from beta,to beta,status"
     assert len(lines) == 1 + sum(len(diagram.row(row)) for row in range(3))
-    with pytest.raises(InputError, match="ending"):
+    with pytest.raises(InputError, match="must end in"):
         diagram.save(tmp_path / "a.txt")
 
 

@@ -48,7 +48,7 @@ def test_exit_code_1_where_nothing_hops(orbits):
         ("--along beta=0:1 --across rest_length=6:9 --samples 5,1", "samples = (5, 1)"),
         ("--along beta=0:1 --across rest_length=6:9 --samples a", "--samples 'a' is not a list of numbers"),
         ("--along beta=0:1 --across rest_length=6:9 --colour hue", "unknown quantity 'hue'"),
-        ("--along beta=0:1 --across rest_length=6:9 --output a.txt", "ending"),
+        ("--along beta=0:1 --across rest_length=6:9 --output a.txt", "must end in"),
         ("--along beta=0:1 --across rest_length=6:9 --plot no/such/folder/a.png", "no/such"),
         ("--along beta=0:1", "--across"),
     ],
