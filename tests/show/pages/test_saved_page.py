@@ -86,9 +86,7 @@ def test_the_page_of_a_sweep(tmp_path):
     assert "0 of 1 members have alpha." in checked(nothing)
 
 
-@pytest.mark.parametrize(
-    ("name", "said"), [("hop.pdf", "must end in .html"), ("none/hop.html", "there is no folder")]
-)
+@pytest.mark.parametrize(("name", "said"), [("hop.pdf", "must end in .html"), ("none/hop.html", "there is no folder")])
 def test_bad_paths_are_refused(name, said, tmp_path, softening_family):
     swept = sweep(Hopper("cubic", rest_length=30), {"beta": [0.0]})
     for result in (find(Hopper()), softening_family, swept):
