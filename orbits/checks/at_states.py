@@ -106,7 +106,7 @@ class AtStates:
                 seen = self._of_model(x, lambda x, p, q, own=own: [each(x, p, q) for each in own])
                 units = [self.unit(dimension) for dimension in [*dimensions, FORCE][: len(own)]]
                 off.append(share_of_each(seen * units - stated[name][..., 0], stated[name][..., 0]))
-        return Relation("in flight masses times accelerations balance the forces", max(off))
+        return Relation("in flight the forces equal masses times accelerations", max(off))
 
     def _contact(self, x: np.ndarray, run: Simulation | None) -> Relation:
         """The balance in contact, without a force at a launch; the force on a point that has just landed is that of the
@@ -128,7 +128,7 @@ class AtStates:
         if run and self.model.one_speed:
             released = self._rates("contact", self._on_ground(run(0.0)[None]))[1][CONTACT_FORCE]
             off = max(off, share(released, pressing))
-        return Relation("in contact the contact force balances them", off)
+        return Relation("in contact the forces equal masses times accelerations", off)
 
     def _in_closed_form(self, where: str, x: np.ndarray) -> float:
         """By which share the accelerations and the watched forces of a closed form are not those of the phase."""

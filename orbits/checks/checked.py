@@ -248,7 +248,7 @@ class _Compared(AtStates):
         missing += ["return map"] if self.model.one_speed and not known.any() else []
         if missing:
             events = "1 event" if len(run.events) == 1 else f"{len(run.events)} events"
-            left_out.append(f"no {' or '.join(missing)}: the hop ends after {events}, {run.status}")
+            left_out.append(f"no {' or '.join(missing)}: the hop ends after {events} with the status '{run.status}'")
         if self.model.one_speed and known.any():
             words += " and the return map"
             hops = ReturnMap(self.machine)(launches[:-1][known])
