@@ -167,8 +167,10 @@ def whole_number(name: str, value: object, what: str = "", least: int = 1, most:
         number = int(value)
     largest = LARGEST_NUMBER if most is None else most
     if not least <= number <= largest:
-        bounds = f"at least {least}" if most is None and number < least else f"from {least} to {largest}"
-        kind = f"number of {what}," if what else "whole number,"
+        kind = f"number of {what}," if what else "whole number"
+        bounds = f"from {least} to {largest}"
+        if most is None and number < least:
+            kind, bounds = kind.removesuffix(",") + ",", f"at least {least}"
         raise InputError(f"{name} = {value!r}; it must be a {kind} {bounds}")
     return number
 

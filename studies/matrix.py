@@ -48,7 +48,7 @@ LONGEST_CELL = 60.0
 LIMITS = Path(__file__).parent / "docs" / "limits.md"
 TABLE = Path(__file__).parent / "docs" / "machines_and_verbs.md"
 # The reasons for which something is refused, in the words of errors and of the page of limits.
-REASONS = ("an infinitely heavy hand is the limit of mechanisms",)
+REASONS = ("an infinitely heavy hand is only a limit of mechanisms",)
 HEAD = """# Which function takes which machine
 
 A cell names the springs with which a function works for a machine. Each result was compared with an independent one,

@@ -17,8 +17,8 @@ from orbits.model import Phase
         (lambda: cart(duration=(0.0, 1.0)), "is 0; it must be above 0"),
         (lambda: cart(duration=(2.0, 1.0)), "duration: the lower bound 2 is above"),
         (lambda: cart(low=1.0, high=-1.0), "input 'f': the lower bound 1 is above the upper bound -1"),
-        (lambda: cart(intervals=0), "from 1"),
-        (lambda: cart(degree=-1), "from 0"),
+        (lambda: cart(intervals=0), "at least 1"),
+        (lambda: cart(degree=-1), "at least 0"),
         (lambda: cart(running=lambda x, p, q: p["price"]), "'price'"),
         (lambda: cart(intervals="a"), "intervals = 'a'"),
         (

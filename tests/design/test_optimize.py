@@ -116,7 +116,7 @@ def test_machines_that_cannot_be_designed():
         pareto(CUBIC, minimise="alpha", over={"b": RANGE})
     with pytest.raises(InputError, match="two different objectives"):
         pareto(CUBIC, minimise=3, over={"b": RANGE})
-    with pytest.raises(InputError, match="points = 1; it must be a number of designs, from 2"):
+    with pytest.raises(InputError, match="points = 1; it must be a number of designs, at least 2"):
         pareto(CUBIC, minimise=("alpha", "stroke"), over={"b": RANGE}, points=1)
     with pytest.raises(NoOrbit, match="damped machine"):
         optimize(Hopper(damping=0.1), minimise="alpha", over={"mass_ratio": (0.1, 0.2)})
