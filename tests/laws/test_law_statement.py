@@ -76,7 +76,7 @@ def test_laws_are_not_mixed_up():
         (lambda: hopper_in_si(60, 3, stiffness=8e3).with_values(mass_ratio=0.5), "in SI it follows from the masses"),
         (lambda: springs.table(5), "two sequences"),
         (lambda: springs.table((r, r, r)), "two sequences"),
-        (lambda: springs.table(([], [])), "two finite lists of one length, with rows"),
+        (lambda: springs.table(([], [])), "two lists of finite numbers, of the same length and not empty"),
         (lambda: Hopper(parameters=[1]), "mapping of names"),
         (lambda: Hopper(parameters=None), "mapping of names"),
         (lambda: find(object()), "is not a machine"),

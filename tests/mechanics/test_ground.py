@@ -82,7 +82,7 @@ class TestStatement:
         with pytest.raises(InputError, match=r"\[ground\]: unknown key 'hardness'"):
             files.build(files.read(tmp_path / "b.toml"))
         (tmp_path / "c.toml").write_text(text.replace("mass = 2.0\n", ""), encoding="utf-8")
-        with pytest.raises(InputError, match=r"\[ground\] has a mass, and a stiffness or a spring"):
+        with pytest.raises(InputError, match=r"\[ground\] must have a mass, and a stiffness or a spring"):
             files.build(files.read(tmp_path / "c.toml"))
 
     def test_in_si_it_hops_as_without_units_and_as_its_mechanism(self):
