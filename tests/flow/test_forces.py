@@ -150,7 +150,7 @@ def test_files_have_the_forces_with_their_units(tmp_path):
 def test_an_orbit_without_its_machine_says_what_it_needs(tmp_path):
     orbit = Orbit.load(find(CUBIC).save(tmp_path / "hop.json"))
     assert "spring force" not in orbit.table()
-    with pytest.raises(InputError, match="name it"):
+    with pytest.raises(InputError, match="pass it"):
         orbit.spring_forces(0.0)
 
 

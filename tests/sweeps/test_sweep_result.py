@@ -17,7 +17,7 @@ def test_one_family_of_several():
     for name in second.columns:
         assert one[name].tolist() == second[name].tolist()
     assert one.orbit(3).family == 2
-    with pytest.raises(InputError, match="of one family"):
+    with pytest.raises(InputError, match="shows one family"):
         both.plot("alpha")
     with pytest.raises(InputError, match="no family 3"):
         both.of_family(3)
