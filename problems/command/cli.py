@@ -911,7 +911,8 @@ def _with_unit(message: str) -> str:
     from orbits.errors import unit_stated
 
     value, number, _ = message.partition(" is not a valid float")
-    return message.removesuffix(".") + unit_stated(value.rpartition("'")[0].rpartition("'")[2]) if number else message
+    text = value.rpartition("'")[0].rpartition("'")[2]
+    return f"{value} is not a number{unit_stated(text)}" if number else message
 
 
 def _failed(message: str, code: int) -> int:

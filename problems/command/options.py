@@ -545,7 +545,8 @@ def statement_of(
     where = "the options"
     if machine is not None and machine not in (*KINDS, *STEPPING):
         if not machine.endswith(".toml"):
-            raise InputError(f"--machine {machine!r} is neither {' nor '.join((*KINDS, *STEPPING))} nor a .toml file")
+            known = ", ".join((*KINDS, *STEPPING))
+            raise InputError(f"--machine {machine!r} must be a .toml file, or one of {known}")
         statement, where = read(machine), machine
     if masses is not None:
         if statement.get("machine") in STEPPING:

@@ -224,7 +224,7 @@ class TestSteps:
             ("--machine shuttle --spring 'r + r**2'", "an odd law, such as"),
             (
                 "--machine wagon",
-                "neither hopper nor juggler nor wheel nor rocker nor shuttle nor runner nor a .toml file",
+                "must be a .toml file, or one of hopper, juggler, wheel, rocker, shuttle, runner",
             ),
         ],
     )
