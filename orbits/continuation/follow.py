@@ -14,6 +14,7 @@ from ..model import Machine, machine_in_words
 from ..periodic import (
     METHOD,
     Orbit,
+    Oscillation,
     OscillationFamily,
     Solved,
     StartLike,
@@ -55,8 +56,9 @@ LONGEST_FIRST_STEP = 10.0
 
 @overload
 def follow(  # type: ignore[overload-overlap]
-    machine: Machine, along: Literal["energy"], stop: Stop, start: Mapping[str, float] | float | None = None,
-    family: int = 1, *, at: Sequence[float] = Options.at, longest: float = Options.longest, most: int = Options.most,
+    machine: Machine, along: Literal["energy"], stop: Stop,
+    start: Oscillation | Mapping[str, float] | float | None = None, family: int = 1, *,
+    at: Sequence[float] = Options.at, longest: float = Options.longest, most: int = Options.most,
     step_control: StepControl = Options.step_control, progress: Progress = None,
 ) -> OscillationFamily: ...  # fmt: skip
 
@@ -87,7 +89,7 @@ def follow(
     machine: Machine,
     along: str,
     stop: Stop,
-    start: StartLike | float | None = None,
+    start: StartLike | Oscillation | float | None = None,
     family: int = 1,
     *,
     families: Iterable[int] | None = None,
@@ -156,8 +158,8 @@ def follow(
                   "method": method, "output": output, "resume": resume}  # fmt: skip
         if stated := [name for name, value in others.items() if value is not None]:
             raise InputError(f"a family along its energy is followed without {stated[0]}=")
-        if not (start is None or isinstance(start, Real | Mapping)):
-            raise InputError("a family along its energy starts at an energy, or at numbers of a motion by name")
+        if not (start is None or isinstance(start, Real | Mapping | Oscillation)):
+            raise InputError("a family along its energy starts at an energy, or at an oscillation")
         steps = options.steps(step_control.largest_batch)
         return follow_energy(machine, stop, start, family_number(family), options.at, steps, progress)
 

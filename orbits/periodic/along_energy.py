@@ -36,16 +36,17 @@ DIMENSIONS_OF_OSCILLATIONS = {
 
 
 def follow_energy(
-    machine: Machine, stop: float | tuple[float, float], start: float | Mapping[str, float] | None = None,
-    family: int = 1, at: Sequence[float] = (), steps: Steps | None = None, progress: Progress = None,
+    machine: Machine, stop: float | tuple[float, float],
+    start: Oscillation | float | Mapping[str, float] | None = None, family: int = 1,
+    at: Sequence[float] = (), steps: Steps | None = None, progress: Progress = None,
 ) -> OscillationFamily:  # fmt: skip
     """The family of oscillations that leads from a normal mode of this number, or from a motion, along its energy.
 
     stop : the last energy, or the first and the last one; the family goes past folds, and ends where it comes back to
         the first one
-    start : the first energy, for the first of the range; states and "duration" of a motion by name, at any energy,
-        which is counted from the minimum of the potential energy below its places; or places near the equilibrium, for
-        another one than that near the rest of the machine
+    start : the first energy, for the first of the range; an oscillation, or states and "duration" of a motion by name,
+        at any energy, which is counted from the minimum of the potential energy below its places; or places near the
+        equilibrium, for another one than that near the rest of the machine
     family : the number of the normal mode, by rising frequency
     at : energies to hit exactly
     steps : along the curve
@@ -54,7 +55,7 @@ def follow_energy(
 
 
 def find_oscillation(
-    machine: Machine, energy: float, start: Mapping[str, float] | None = None, family: int = 1
+    machine: Machine, energy: float, start: Oscillation | Mapping[str, float] | None = None, family: int = 1
 ) -> Oscillation:
     """The oscillation of an energy in the family of a normal mode or through a motion, as by `follow_energy`."""
     return _Followed(machine, start).oscillation(energy, family)
@@ -63,8 +64,9 @@ def find_oscillation(
 class _Followed:
     """A machine whose oscillations are found, in its units, from a `start` of `follow_energy`."""
 
-    def __init__(self, machine: Machine, start: float | Mapping[str, float] | None):
+    def __init__(self, machine: Machine, start: Oscillation | float | Mapping[str, float] | None):
         refuse_oscillator(machine)
+        start = start.start if isinstance(start, Oscillation) else start
         self.machine, self.units, self.bounces = machine, machine.units, is_elastic(machine)
         self.states = (machine.model.flight if self.bounces else machine.model.contact).states
         if self.units and self.units.energy is None:
@@ -186,7 +188,7 @@ class _Followed:
         """The bounds of the energy."""
         ends = stop if isinstance(stop, tuple | list) and len(stop) == 2 else (self.first, stop)
         if (ends is stop) == (self.first is not None):
-            wanted = "a family along its energy has a range (first, last), or a last energy and a first one"
+            wanted = "state the first and the last energy once (on the command line --from and --to)"
             raise InputError(f"stop = {stop!r}, start = {self.first!r}: {wanted}")
         begin, last = (self._energy("stop", each) for each in ends)
         if begin == last:

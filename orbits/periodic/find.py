@@ -22,7 +22,7 @@ from .start import StartLike
 @overload
 def find(  # type: ignore[overload-overlap]
     machine: Machine, family: int | None = None, *, at: Mapping[Literal["energy"], float],
-    start: Mapping[str, float] | None = None, progress: Progress = None, limit: float | None = None,
+    start: Oscillation | Mapping[str, float] | None = None, progress: Progress = None, limit: float | None = None,
 ) -> Oscillation: ...  # fmt: skip
 
 
@@ -39,7 +39,7 @@ def find(
     machine: Machine,
     family: int | None = None,
     *,
-    start: StartLike | None = None,
+    start: StartLike | Oscillation | None = None,
     method: str | None = None,
     tune: str | Iterable[str] | None = None,
     at: Mapping[Any, float] | None = None,
@@ -62,7 +62,7 @@ def find(
     at : values of quantities of the orbit by name, in the machine's units, such as "period", "frequency", "alpha",
         "clearance" or the rise of a height. With "energy" and no `tune` it is an `Oscillation` of this energy that is
         found, see `follow`: of the normal mode of the number `family`, near the equilibrium at places in `start`, or in
-        the family through the motion that `start` states, as `Oscillation.start`
+        the family through the motion that `start` states, an `Oscillation` or its `start`
     progress : called with the completed share of the homotopy, where there is one
     limit : time limit in seconds; None means 30 s of processor time, or the limit of a `time_limit` around it
 
@@ -79,9 +79,11 @@ def find(
     >>> round(orbit.alpha, 9), orbit.admissible
     (2.936459188, True)
     """
-    if tune is None and isinstance(at, Mapping) and [*at] == [ENERGY_OF_CYCLE]:
-        if method is not None or not (start is None or isinstance(start, Mapping)):
-            raise InputError("an oscillation is found without a method=, and from a start= of numbers by name")
+    if tune is None and isinstance(at, Mapping) and ENERGY_OF_CYCLE in at:
+        if others := [str(name) for name in at if name != ENERGY_OF_CYCLE]:
+            raise InputError(f"at = {dict(at)!r}: the energy alone determines an oscillation; leave '{others[0]}' out")
+        if method is not None or not (start is None or isinstance(start, Mapping | Oscillation)):
+            raise InputError("an oscillation is found without a method=, from an oscillation or numbers by name")
         with time_limit(limit):
             return find_oscillation(machine, at[ENERGY_OF_CYCLE], start, family_number(1 if family is None else family))
     check_machine(machine)

@@ -364,31 +364,23 @@ def follow_command(
             method=method, stop_inadmissible=stop_inadmissible, multipliers=multipliers,
             output=None if of_event else output, resume=before, progress=report, tune=tuned, **several,
         )  # fmt: skip
-    if several:
-        if plot is not None:
-            from orbits.show import save_figure
-
-            save_figure(followed.plot(), plot)
-    elif of_event:
+    if of_event:
         from orbits.continuation import follow_event
 
         followed = follow_event(followed, *of_event, longest=longest, output=output)
-        if plot is not None:
-            from orbits.show import plot_family, save_figure
-
-            save_figure(plot_family(followed, quantity=along), plot)
-    elif isinstance(followed, OscillationFamily):
-        if plot is not None:
-            from orbits.show import save_figure
-
-            save_figure(followed.plot(), plot)
-    elif plot is not None:
+    if plot is not None:
         from orbits.continuation import orbit_at
         from orbits.show import plot_family, save_figure, spread, thumbnails
 
-        method = followed.settings["method"]
-        small = [(point, orbit_at(machine, point, along, method)) for point in spread(followed, THUMBNAILS)]
-        save_figure(thumbnails(plot_family(followed), followed, small), plot)
+        if several or isinstance(followed, OscillationFamily):
+            axes = followed.plot()
+        elif of_event:
+            axes = plot_family(followed, quantity=along)
+        else:
+            method = followed.settings["method"]
+            small = [(point, orbit_at(machine, point, along, method)) for point in spread(followed, THUMBNAILS)]
+            axes = thumbnails(plot_family(followed), followed, small)
+        save_figure(axes, plot)
     options.write(followed, as_json, save=save)
     curves = [*followed.families.values()] if several else [followed]
     ends = {end.kind for each in curves for end in (getattr(each, "beginning", None), each.end) if end}

@@ -190,14 +190,14 @@ def test_results_are_saved_printed_and_tabulated(tmp_path):
 @pytest.mark.parametrize(
     ("stop", "options", "text"),
     [
-        (10.0, {}, "has a range \\(first, last\\), or a last energy"),
-        ((1.0, 2.0), {"start": 0.5}, "start = 0.5: a family along its energy has a range"),
+        (10.0, {}, "state the first and the last energy once"),
+        ((1.0, 2.0), {"start": 0.5}, "start = 0.5: state the first and the last energy"),
         ((1.0, 1.0), {}, "there is no way between"),
         ((-1.0, 1.0), {}, "an energy is above that at the equilibrium"),
         ((0.1, 1.0), {"at": [2.0]}, "at = 2 is not reached"),
         ((0.1, 1.0), {"families": (1, 2)}, "followed without families="),
         ((0.1, 1.0), {"method": "shooting"}, "followed without method="),
-        ((0.1, 1.0), {"start": "hop.json"}, "starts at an energy, or at numbers of a motion"),
+        ((0.1, 1.0), {"start": "hop.json"}, "starts at an energy, or at an oscillation"),
     ],
 )
 def test_refusals(stop, options, text):
@@ -278,3 +278,15 @@ def test_a_family_of_bounces_past_a_fold():
 def test_refusals_of_bounces():
     with pytest.raises(InputError, match="family = 2: one family of bounces begins at the equilibrium"):
         follow(elastic(), "energy", (0.1, 1.0), family=2)
+
+
+def test_an_oscillation_begins_a_search():
+    first = find(pendulum(), at={"energy": 1.0})
+    second = find(pendulum(), at={"energy": 2.0}, start=first)
+    assert second.period == pytest.approx(find(pendulum(), at={"energy": 2.0}).period, rel=1e-13)
+    assert follow(pendulum(), "energy", (1.0, 2.0), first).periods[-1] == pytest.approx(second.period, rel=1e-13)
+
+
+def test_the_energy_alone_determines_an_oscillation():
+    with pytest.raises(InputError, match="leave 'period' out"):
+        find(pendulum(), at={"energy": 1.0, "period": 2.0})
