@@ -162,11 +162,14 @@ def follow(
             raise InputError("a family along its energy starts at an energy, or at an oscillation")
         steps = options.steps(step_control.largest_batch)
         return follow_energy(machine, stop, start, family_number(family), options.at, steps, progress)
+    if isinstance(start, Oscillation):
+        raise InputError("an oscillation begins a family along its energy alone: along='energy'")
+    first = start
 
     def followed(number: int, progress: Progress) -> Family:
         def begun(stop: Stop, resume: Family | None) -> FamilyRun:
             try:
-                return begin_run(machine, along, start, stop, number, method, options, resume, tune)
+                return begin_run(machine, along, first, stop, number, method, options, resume, tune)
             except TimeOver as over:
                 raise over.reached("the first orbit is not found yet") from None
 

@@ -290,3 +290,5 @@ def test_an_oscillation_begins_a_search():
 def test_the_energy_alone_determines_an_oscillation():
     with pytest.raises(InputError, match="leave 'period' out"):
         find(pendulum(), at={"energy": 1.0, "period": 2.0})
+    with pytest.raises(InputError, match="along its energy alone"):
+        follow(Hopper("cubic"), "beta", 0.3, find(pendulum(), at={"energy": 1.0}))
