@@ -2,7 +2,8 @@
 
 A case's file states its equations, written by hand. This program adds the unknowns, the events, twenty states and the
 numbers, computed with 56 digits. It also writes the motion as CSV, and the table of the page. Errors are bounds: the
-difference from a computation with 66 digits plus the rounding of what is written. `check.py` checks the result.
+difference from a computation with 66 digits plus the rounding of what is written. `check.py` checks the result by
+another method, to the digits of doubles.
 """
 
 import argparse
@@ -167,10 +168,13 @@ def with_table(page: str) -> str:
 
 
 def main(names: list[str], prove: bool) -> None:
-    """Fill in the named cases, or all; or only what is proved of them."""
+    """Fill in the named cases, or all; or only what is proved of them, where a proof that is not found is an error."""
     for path in [CASES / f"{name}.json" for name in names] or sorted(CASES.glob("*.json")):
-        document, statements = read(path), proved(path.stem) if prove else None
-        document = document | {"proved": statements} if statements is not None else filled(document)
+        document = read(path)
+        if prove and (statements := proved(path.stem)) is not None:
+            document["proved"] = statements
+        if not prove:
+            document = filled(document)
         path.write_text(f"{text_of(document)}\n", encoding="utf-8")
         write_table(path.with_suffix(".csv"), document)
         print(f"{document['name']}: {len(document['events'])} events, error {document['error']}")

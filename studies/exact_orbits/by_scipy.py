@@ -36,8 +36,8 @@ def prepared(case: Case, way: str) -> Callable[[float], Callable[[], Found]]:
     numbers, modes = Automaton(case), {}
     for name, mode in case["modes"].items():
         slopes = [numbers.function(mode["derivatives"][each]) for each in mode["states"]]
-        field = partial(_field, mode["states"], slopes)
-        guards = [_terminal(mode["states"], numbers.guard(each)) for each in mode["events"]]
+        field = partial(rates, mode["states"], slopes)
+        guards = [terminal(mode["states"], numbers.guard(each)) for each in mode["events"]]
         modes[name] = field, guards
 
     def run(tolerance: float) -> Found:
@@ -57,14 +57,17 @@ def prepared(case: Case, way: str) -> Callable[[float], Callable[[], Found]]:
     return lambda tolerance: partial(run, tolerance)
 
 
-def _field(states: list[str], slopes: list, t: float, x: np.ndarray) -> list[float]:
+def rates(states: list[str], slopes: list, t: float, x: np.ndarray) -> list[float]:
+    """The derivatives of states, by their formulas as functions of names."""
     names = dict(zip(states, map(float, x), strict=True), t=t)
     return [slope(names) for slope in slopes]
 
 
-def _terminal(states: list[str], guard: Any) -> Any:
-    def event(t: float, x: np.ndarray) -> float:
-        return guard(dict(zip(states, map(float, x), strict=True), t=t))
+def terminal(states: list[str], value: Any, direction: float = -1.0) -> Any:
+    """An event of `solve_ivp` that ends the integration where a formula crosses zero; both ways if direction is 0."""
 
-    event.terminal, event.direction = True, -1.0
+    def event(t: float, x: np.ndarray) -> float:
+        return value(dict(zip(states, map(float, x), strict=True), t=t))
+
+    event.terminal, event.direction = True, direction
     return event

@@ -1,7 +1,7 @@
 """The motion of a case through its modes and events, and the start of an orbit, to some sixty digits."""
 
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -208,19 +208,3 @@ class Problem(Formulas):
 
         listed = self.document.get("numbers", {}).items()
         return {name: self.value(each["formula"], self.names({}, quoted)) for name, each in listed}
-
-
-def conserved(problem: Problem, motion: Motion) -> Iterator[tuple[str, arb]]:
-    """How far each conserved quantity varies between the events at which it may change, in all pieces of a motion."""
-    for name, stated in problem.document.get("conserved", {}).items():
-        values, changes = [], iter([each.time for each in motion.events if each.name in stated.get("changes_at", ())])
-        change, largest = next(changes, None), arb(0)
-        for piece in motion.pieces:
-            while change is not None and piece.start >= change:
-                values, change = [], next(changes, None)
-            text = stated["text"] if isinstance(stated["text"], str) else stated["text"].get(piece.mode)
-            for duration in (arb(0), piece.length) if text else ():
-                names = {"t": middle(piece.start + duration), **piece.after(duration)}
-                values.append(problem.value(text, problem.names(names)))
-            largest = max(largest, max(values) - min(values)) if values else largest
-        yield name, middle(largest)

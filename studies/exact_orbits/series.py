@@ -1,7 +1,7 @@
-"""Formulas of a case as Taylor series with some sixty digits: the second program, which knows the text of a case alone.
+"""Formulas of a case as Taylor series with some sixty digits, from the text of the case alone.
 
-It shares nothing with the toolkit whose answers it checks, and needs python-flint only. `motion.py` strings the series
-together, and `zeros.py` finds events.
+They share nothing with the toolkit nor with `check.py`, and need python-flint only. `motion.py` strings the series
+together, `zeros.py` finds events, and `build.py` writes the answers.
 """
 
 import ast

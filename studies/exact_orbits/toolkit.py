@@ -1,4 +1,4 @@
-"""The answers of this toolkit to the cases, to compare with those of the second program, and its proofs."""
+"""The answers of this toolkit to the cases, to compare with those in their files, and its proofs."""
 
 from collections.abc import Iterator
 from pathlib import Path
@@ -18,10 +18,16 @@ def compared(path: Path) -> Iterator[Comparison]:
 
 
 def proved(name: str) -> list[dict[str, str]] | None:
-    """What the toolkit proves of the motion of a case, in its words; None for a case that is not proved here."""
+    """What the toolkit proves of the motion of a case, in its words; None for a case that is not proved here.
+
+    Raises ArithmeticError if it finds the proof no longer.
+    """
     if name not in PROOFS:
         return None
     proof = PROOFS[name]()
-    return (
-        [{"statement": proof.statement, "method": "interval arithmetic, by persistent-orbits"}] if proof.proved else []
-    )
+    if not proof.proved:
+        raise ArithmeticError(
+            f"{name}: the proof is not found any more ({'; '.join(proof.reasons)}): "
+            "find out which change of the toolkit lost it; the file keeps what it states"
+        )
+    return [{"statement": proof.statement, "method": "interval arithmetic, by persistent-orbits"}]

@@ -1,4 +1,4 @@
-"""The benchmark set of exact orbits: its files, its reader, and the two programs that agree on every number."""
+"""The benchmark set of exact orbits: its files, its reader, and the programs that agree on every number."""
 
 import json
 import math
@@ -8,14 +8,18 @@ import subprocess
 import sys
 from decimal import Decimal
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 from flint import arb, arb_poly, ctx
 from scipy.optimize import brentq
 
-from studies.exact_orbits.build import with_table
+from studies.exact_orbits import build, toolkit
+from studies.exact_orbits.build import filled, text_of, with_table
 from studies.exact_orbits.check import check
+from studies.exact_orbits.doubles import Doubles
 from studies.exact_orbits.motion import Problem
+from studies.exact_orbits.reader import Case
 from studies.exact_orbits.series import CaseError, read
 from studies.exact_orbits.toolkit import COMPARED, compared
 from studies.exact_orbits.zeros import first_crossing
@@ -87,7 +91,7 @@ def test_the_page_lists_all_cases_and_its_code_runs_by_itself(tmp_path):
 
 
 def disagreements(paths):
-    """What two programs do not agree on, of the files of some cases."""
+    """What DOP853 in doubles, and the toolkit, do not agree on, of the files of some cases."""
     return [f"{path.stem}: {each}" for path in paths for both in check(path) for each in both if not each.agrees]
 
 
@@ -102,7 +106,7 @@ def test_programs_agree_on_a_lossless_hop_and_on_a_bouncing_ball():
 
 @pytest.mark.parametrize("name", ["wheel", "housner", "impact_graze", "spinning_bounces", "dragged_ball"])
 def test_machines_and_closed_forms_move_as_cases_say(name):
-    """Without the second program: machines from masses, springs and gaps, against equations by hand."""
+    """Without DOP853: machines from masses, springs and gaps, against equations by hand."""
     assert {path.stem for path in CASES} == COMPARED.keys()
     assert not [each for each in compared(FOLDER / "cases" / f"{name}.json") if not each.agrees]
 
@@ -119,13 +123,47 @@ def test_programs_agree_on_every_case():
 
 
 def test_a_wrong_digit_is_found(tmp_path):
-    """In the 17th place of a time, and in the motion."""
-    text = (FOLDER / "cases" / "linear_hop.json").read_text()
-    (path := tmp_path / "linear_hop.json").write_text(text.replace("14.292133819968978472", "14.292133819968978572"))
-    (wrong,) = disagreements([path])
-    assert "time of event 2" in wrong
+    """In the 13th digit of a time, an unknown, a state or a number; and in the motion."""
+    text, path = (FOLDER / "cases" / "linear_hop.json").read_text(), tmp_path / "linear_hop.json"
+    for right, wrong, what in (
+        ("14.292133819968978472", "14.292133819988978472", "before event 2"),
+        ('"alpha": {"value": 4.493409457909', '"alpha": {"value": 4.493409457929', "condition v1 - v2 of leg 1"),
+        ('"y1": 5.2075053244021', '"y1": 5.2075053244221', "at 1.25"),
+        ('"value": 5.3053149041508501215', '"value": 5.3053149041708501215', "contact_time"),
+        ('"time": 10, "mode": "contact"', '"time": 10, "mode": "flight"', "mode at 10"),
+        ('"guard": "ground_force"', '"guard": "ground_force + 1e-10"', "guard of event 2"),
+    ):
+        assert text.count(right) == 1
+        path.write_text(text.replace(right, wrong))
+        assert any(f"what='{what}'" in each for each in disagreements([path])), what
     path.write_text(text.replace('"M": 1}', '"M": 1.001}'))
-    assert len(disagreements([path])) > 50
+    assert len(disagreements([path])) > 20
+
+
+def test_doubles_stop_at_kinks_and_go_backward():
+    """A force that jumps from -1 to 1 at a kink: the motion consists of parabolas."""
+    mode = {"states": ["x", "v"], "derivatives": {"x": "v", "v": "pull"}, "kinks": ["x"], "events": []}
+    (case := Case(CASES[0])).update(modes={"free": mode}, formulas={"pull": "-x/max(abs(x), 1e-300)"}, parameters={})
+    *_, (_, there) = Doubles(case).flow("free", 0.0, {"x": 0.5, "v": 0.0}, 8.3)
+    assert there == pytest.approx({"x": 0.5 - 0.3**2 / 2, "v": -0.3}, abs=1e-12)
+    *_, (_, back) = Doubles(case).flow("free", 8.3, there, 0.0)
+    assert back == pytest.approx({"x": 0.5, "v": 0.0}, abs=1e-11)
+
+
+def test_building_a_case_again_changes_no_digit():
+    for name in ("linear_hop", "dragged_ball"):
+        document = read(FOLDER / "cases" / f"{name}.json")
+        assert text_of(filled(document)) == text_of(document)
+
+
+def test_a_proof_that_is_lost_is_an_error(monkeypatch, tmp_path):
+    shutil.copy(FOLDER / "cases" / "linear_hop.json", tmp_path)
+    monkeypatch.setattr(build, "CASES", tmp_path)
+    lost = SimpleNamespace(proved=False, reasons=("no theorem here",))
+    monkeypatch.setitem(toolkit.PROOFS, "linear_hop", lambda: lost)
+    with pytest.raises(ArithmeticError, match=r"linear_hop: .*\(no theorem here\)"):
+        build.main(["linear_hop"], prove=True)
+    assert (tmp_path / "linear_hop.json").read_text() == (FOLDER / "cases" / "linear_hop.json").read_text()
 
 
 def test_formulas_are_not_programs():
@@ -134,6 +172,8 @@ def test_formulas_are_not_programs():
         problem = Problem(document | {"end": text})
         with pytest.raises(CaseError, match=words):
             problem.motion()
+        with pytest.raises(AttributeError if "." in text else KeyError):
+            Case(FOLDER / "cases" / "linear_hop.json").at(text, 0.0, {"y1": 1.0, "v1": 0.0})
 
 
 def test_a_ball_with_drag_bounces_as_its_closed_form_says():
@@ -171,7 +211,7 @@ def test_the_loss_beside_a_graze_goes_with_the_power_four_thirds():
 
 
 def test_what_is_proved_is_about_the_numbers_of_the_case():
-    """An enclosure of alpha that a theorem states has the root of the second program inside."""
+    """An enclosure of alpha that a theorem states has the root of the case inside."""
     proved = 0
     for path in CASES:
         case = read(path)
