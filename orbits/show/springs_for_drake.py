@@ -1,6 +1,6 @@
 """The springs of a model in MJCF, which Drake does not read, for a MultibodyPlant: an exported folder has a copy.
 
->>> diagram, plant = plant_with_springs("hop/model.xml")  # doctest: +SKIP
+`diagram, plant = plant_with_springs("hop/model.xml")` reads a model with them.
 """
 
 from pathlib import Path

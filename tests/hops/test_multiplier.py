@@ -48,7 +48,7 @@ def test_the_law_beside_a_lossless_step_is_that_of_its_certificate():
     with pytest.raises(NoOrbit, match="tangential") as error:
         multiplier(wheel(), find(wheel()).alpha)
     more = c.loss_coefficient * c.bounce_factor
-    text = f"alpha - d loses {c.loss_coefficient:.4g} d**(4/3), alpha + d {more:.4g} d**(4/3)"
+    text = f"alpha - d loses {c.loss_coefficient:.4g} d**(4/3), a launch at alpha + d {more:.4g} d**(4/3)"
     assert c.bounce_side == "above"
     assert text in str(error.value)
     with pytest.raises(NoOrbit, match="there is no power law either"):  # hand-overs that lose nothing

@@ -48,7 +48,7 @@ def test_several_families_are_members_of_their_own():
     assert found.orbit(3).family == 2
     with pytest.raises(InputError, match=r"has no column \[1\]"):
         found[[1]]
-    with pytest.raises(InputError, match=r"member = \[1\]; it must be a whole number from 0"):
+    with pytest.raises(InputError, match=r"member = \[1\]; it must be a whole number, at least 0"):
         found.orbit([1])
 
 
