@@ -16,7 +16,7 @@ sys.path.insert(0, str(Path(__file__).parents[2]))
 import numpy as np
 from scipy.integrate import solve_ivp
 
-from orbits.show import COLOURS, new_row, save_figure
+from orbits.show import COLOURS, STYLE, new_row, save_figure
 from studies.exact_orbits.reader import Case
 
 CASES = Path(__file__).parent / "cases"
@@ -74,8 +74,8 @@ def draw_case(case: Case, axes: Any) -> None:
 def draw(subject: str) -> Any:
     """A figure of all cases of a subject; returns its first axes."""
     cases = cases_of(subject)
-    rows = -(-len(cases) // COLUMNS)
-    panels = new_row(COLUMNS, 0.55, rows=rows).ravel()
+    columns = min(COLUMNS, len(cases))
+    panels = np.ravel(new_row(columns, 0.55, -(-len(cases) // columns), STYLE.page * columns / COLUMNS))
     for case, axes in zip(cases, panels, strict=False):
         draw_case(case, axes)
     for axes in panels[len(cases) :]:
