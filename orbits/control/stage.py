@@ -52,7 +52,7 @@ class Stage:
     phase : the `Phase`
     intervals : number of intervals, all of the same length
     duration : bounds (low, high) of the duration, the lower one above 0
-    inputs : the `Input`s by name
+    inputs : each `Input` by name
     start : (x, before, p) -> expressions that vanish at the start; `before` is the final state of the previous stage,
         for the first stage that of the last
     end : (x, p) -> expressions that vanish at the end; here, in `final` and in `above`, p has the "elapsed time" too,

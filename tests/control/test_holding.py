@@ -181,7 +181,7 @@ def test_what_is_not_held(run, held):
         hold(find(hopper_in_si(10.0, 1.0, stiffness=1e4)), "y1 - y2")
     with pytest.raises(InputError, match="when = 'landing'; it must be one of 'continuous', 'lift-off', 'apex'"):
         hold(run, "phi - theta", when="landing")
-    with pytest.raises(InputError, match="power = -1: a bound of the actuator must be above 0"):
+    with pytest.raises(InputError, match="power = -1; a bound of the actuator must be above 0"):
         hold(run, "phi - theta", power=-1.0)
     with pytest.raises(InputError, match="effort = 0, landing = 20; effort must be above 0"):
         hold(run, "phi - theta", effort=0.0)

@@ -80,7 +80,7 @@ def test_an_orbit_that_needs_more_friction_than_there_is_violates_it():
     enough = find(wheel(friction="0.385 + 0.001*share"))
     assert enough.admissible
     (words,) = less.violations
-    assert words == "it needs the friction 0.385822 at t = 1.16848, above the stated 0.385: a foot slides"
+    assert words == "it needs the friction coefficient 0.385822 at t = 1.16848, above the stated 0.385: a foot slides"
 
 
 def test_a_standing_foot_that_lifts_is_named_and_has_no_friction():

@@ -230,7 +230,7 @@ def test_a_notebook_shows_the_page_of_a_machine():
 
 @pytest.mark.slow
 def test_what_is_no_machine_is_said():
-    with pytest.raises(InputError, match="no machine"):
+    with pytest.raises(InputError, match="is not a machine"):
         explore("hopper")
 
 

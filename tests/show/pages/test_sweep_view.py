@@ -36,7 +36,7 @@ def test_members_of_a_sweep_are_shown():
     assert len(marks.data_source.data["p0"]) == 2
     assert sweep_figures(sweep(Hopper("cubic", rest_length=30), {"beta": [-0.5]})) == ([], "0 of 1 members have alpha.")
     both = sweep(Hopper("cubic"), {"beta": [0.0, 0.1], "mass_ratio": [0.5, 1.0]}, family=[1, 2])
-    with pytest.raises(InputError, match="of one family"):
+    with pytest.raises(InputError, match="shows one family"):
         sweep_figures(both)
     assert len(sweep_figures(both.of_family(2))[0]) == 1
 
