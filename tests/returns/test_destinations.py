@@ -21,7 +21,7 @@ MOST = 400  # hops
     ("mass_ratio", "inject", "low", "high", "launches"),
     [
         (5.0, 0.05, 3.0, 6.0, 4000),
-        pytest.param(1.0, 0.03, 3.0, 8.0, 20_000, marks=pytest.mark.slow),
+        pytest.param(1.0, 0.03, 3.0, 8.0, 8_000, marks=pytest.mark.slow),
         pytest.param(2.0, 0.05, 3.0, 8.0, 40_000, marks=pytest.mark.slow),
     ],
 )  # fmt: skip
@@ -63,7 +63,7 @@ def test_simulated_launches_end_as_their_interval_says(machine, inject, low, hig
     basins = ReturnMap(machine, inject=inject).basins(low, high)
     assert basins.share > 0
     for each in basins.destinations:
-        starts = np.random.default_rng(5).permutation([0.4 * a + 0.6 * b for a, b in each.intervals])[:2]
+        starts = np.random.default_rng(5).permutation([0.4 * a + 0.6 * b for a, b in each.intervals])[:1]
         for start in starts.tolist() if each.is_hop or each.kind == "rests" else []:
             run = simulate(machine, start, hops=120, inject=inject)
             assert (run.status == "done") == each.is_hop
