@@ -171,7 +171,7 @@ def test_a_formula_is_typed_and_a_bad_one_leaves_the_hop(page):
     alpha = shown(page)
     machine = Hopper("tanh(b*r)/b", rest_length=8.0, parameters={"b": 0.1})
     assert alpha == pytest.approx(find(machine).alpha, rel=1e-6)
-    for text, said in (("tanh(b*r)/", "tanh(b*r)/"), ("__import__('os')", "os"), ("table:/etc/passwd", "dropped")):
+    for text, said in (("tanh(b*r)/", "tanh(b*r)/"), ("__import__('os')", "os"), ("table:/etc/passwd", "drop its")):
         type_in(page, "spring", text)
         assert shown(page) == alpha
         assert said in problem(page, "spring-problem")
@@ -291,10 +291,10 @@ def test_a_runner_runs_at_the_speed_of_its_slider(tab, address):
     type_in(tab, "number-speed", "0.5")
     faster = find(run.source, tune=("inertia", "hip_stiffness"), at={"speed": 0.5}, start=run)
     assert shown(tab) == pytest.approx(faster.alpha, rel=1e-6)
-    assert "speed above 0" not in problem(tab)
+    assert "must be above 0" not in problem(tab)
     type_in(tab, "number-speed", "-1")
     shown(tab)
-    assert "speed above 0" in problem(tab)
+    assert "must be above 0" in problem(tab)
 
 
 def test_the_tour_comes_once_and_when_it_is_called(tab, address):
