@@ -16,7 +16,7 @@ from dataclasses import replace
 from functools import lru_cache
 
 from ..laws import Algebraic, Parameters, Scalars
-from ..model import Arc, Model, Phase, Statement
+from ..model import Arc, Model, Phase, Pieces, Statement
 
 # The parameter of the equations besides those of the machine.
 ENERGY_OF_CYCLE = "energy"
@@ -32,8 +32,12 @@ def unfolded(phase: Phase, gradient: Callable) -> Phase:
         return [*rates, 0 * unfolding]
 
     watch = {name: lambda x, p, q, own=own: own(x[:-1], p, q) for name, own in phase.watch.items()}
-    pieces = phase.pieces and replace(phase.pieces, coordinate=(*phase.pieces.coordinate, 0.0))
-    return Phase(phase.name, (*phase.states, "unfolding"), field, watch, pieces)
+    return Phase(phase.name, (*phase.states, "unfolding"), field, watch, _pieces_of_one_state_more(phase))
+
+
+def _pieces_of_one_state_more(phase: Phase) -> Pieces | None:
+    """The pieces of a phase's law where a further state, on which they do not depend, comes last."""
+    return phase.pieces and replace(phase.pieces, coordinate=(*phase.pieces.coordinate, 0.0))
 
 
 def moving_phase(model: Model, bounces: bool) -> tuple[Phase, Callable]:
@@ -72,9 +76,8 @@ def whole_cycle(model: Model, bounces: bool = False) -> Statement:
         momenta = gradient(state, p, [0.0] * data)[1::2]
         return 0.5 * sum(m * v for m, v in zip(momenta, state[1::2], strict=True))
 
-    pieces = phase.pieces and replace(phase.pieces, coordinate=(*phase.pieces.coordinate, 0.0))
     way = Arc(
-        Phase("way", (*states, "work"), work, pieces=pieces),
+        Phase("way", (*states, "work"), work, pieces=_pieces_of_one_state_more(phase)),
         start=lambda u, before, p: [
             *(part for y, at in zip(states[::2], rest, strict=True) for part in (p[at], u[y] - p[at])), 0.0
         ],
