@@ -34,10 +34,10 @@ def machine(*elements, **more) -> Mechanism:
 
 
 def linear_hops(
-    inertia, stiffness, load, gap, half_contact: float, half_flight: float, seed: int = 0
+    inertia, stiffness, load, gap, half_contact: float, half_flight: float, seed: int = 0, signs=1
 ) -> list[LinearHop]:
     """The lossless hops of a linear mechanism up to these half times."""
-    search = LinearSearch((inertia, stiffness, load), gap)
+    search = LinearSearch((inertia, stiffness, load), gap, signs)
     for _ in search.batches(half_contact, half_flight, seed):
         pass
     return search.hops

@@ -30,11 +30,6 @@ FOLLOWING_STOPPED = "some hops are not yet continued to the springs' own laws"
 class StartOptions(NamedTuple):
     """The ranges and the accuracy of a search for starts."""
 
-    # The longest half contact and half flight that are searched unless they are stated, in slowest natural periods of
-    # the contact and of the flight with straight springs. A hop of two masses has half flights of 0.72, 1.23, 1.74, ...
-    # of it.
-    half_contact: float = 0.5
-    half_flight: float = 1.0
     # The share of the work that is the search for linear hops, where these are followed afterwards.
     linear_share: float = 0.1
     same: float = 1e-6  # two hops whose unknowns differ by a smaller share are the same
@@ -155,10 +150,11 @@ def starts(
     ]
     pairs, ranged = list(zip(laws, lines, strict=True)), bool(np.isfinite([law.range() for law in laws]).any())
     linear = machine.with_springs([line.law(i) if line else law for i, (law, line) in enumerate(pairs)])
-    search, mixes = LinearSearch(linear.linear_equations(), linear.gap_weights), any(lines)
-    contact_period, flight_period = search.periods
-    half_contact = STARTS.half_contact * contact_period if half_contact is None else half_contact
-    half_flight = STARTS.half_flight * flight_period if half_flight is None else half_flight
+    search, mixes = LinearSearch.of(linear), any(lines)
+    half_contact, half_flight = (
+        longest if stated is None else stated
+        for stated, longest in zip((half_contact, half_flight), search.longest, strict=True)
+    )
     share, stopped, found = (STARTS.linear_share if mixes else 1.0), "", list[dict[str, float]]()
     way: WayTogether | None = None
     with interrupts.deferred(), time_limit(limit):

@@ -1,20 +1,23 @@
 """The orbits of a family: the one that its guess leads to, and the orbits that a search finds."""
 
 import time
+from collections.abc import Iterator
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
-from ..errors import InputError, NoOrbit
+from ..errors import FlowError, InputError, NoOrbit
 from ..model import Machine, Model
 from ..result import Progress
-from ..running import LOGGER
+from ..running import LOGGER, interrupts
 from ..shooting import NodedSolution, equations_of, vector
-from ..units import LIFTOFF_SPEED, Message, Quantity, in_own_units, in_units
+from ..units import LIFTOFF_SPEED, TIME, Message, Quantity, in_own_units, in_units
 from .certification import Solved, certified_orbit, corrector, known_solutions, solve_from
 from .family_search import Cells, Lateness
 from .guess import refuse_jump
 from .homotopy import solve_by_homotopy
+from .linear_hops import LinearSearch
 from .orbit import Orbit, orbit_of
 
 LARGEST_FAMILY = 10_000
@@ -26,6 +29,10 @@ def lowest_of_family(machine: Machine, family: int, method: str, progress: Progr
     """The orbit of a family of least launch speed, as `find` finds it by a method."""
     model, began, orbits, refusal = machine.model, time.perf_counter(), tuple[Orbit, ...](), None
     search = model.search(machine.values) if model.search and model.reversor else None
+    if _hops_by_modes(machine):
+        hops = _hops_of_family(machine, family, method, None, progress)
+        first = next(hops)
+        return first if first.admissible else next((hop for hop in hops if hop.admissible), first)
     if search is None or model.is_guessed:
         try:
             orbits = (_solved_for(machine, family, method, progress),)
@@ -64,6 +71,8 @@ def _all_of_family(
 ) -> tuple[Orbit, ...]:  # fmt: skip
     """All orbits of a family, as in `find_all`; a reason that is part of `refusal` already is not repeated."""
     model, p = machine.model, machine.values
+    if _hops_by_modes(machine):
+        return tuple(_hops_of_family(machine, family, method, fastest, progress))
     if not (model.search and model.reversor):
         remedy = "give find_all starts" if model.one_speed else "find_all(machine, starts(machine)) finds its hops"
         remedy = model.violations.get("none", "give find a start") if model.sticks else remedy
@@ -97,6 +106,49 @@ def _all_of_family(
         LOGGER.warning("family %d may have more orbits than the %d found: %s", family, len(found), why)
     known = None if refused or incomplete(model, cells) else len(found)
     return tuple(replace(orbit, known_in_family=known) for orbit in found)
+
+
+def _hops_by_modes(machine: Any) -> bool:
+    """Whether the hops of a machine that steps follow from its modes of vibration: it is linear, and its launch has
+    several numbers."""
+    model = machine.model
+    linear = model.flight.closed_form is not None and hasattr(machine, "linear_equations")
+    return linear and not (model.plain or model.one_speed or model.sticks or model.reversor is None)
+
+
+def _hops_of_family(
+    machine: Any, family: int, method: str, fastest: float | None, progress: Progress
+) -> Iterator[Orbit]:
+    """The orbits of a family that a search by modes finds, one after the other by launch speed; others may last longer.
+    Raises `NoOrbit` in the end where there is none."""
+    search, model, found, reason = LinearSearch.of(machine), machine.model, False, Message("")
+    for _ in search.batches(*search.longest):
+        interrupts.heed()
+    names = equations_of(model, method, tuple(machine.values)).statement.unknowns
+    hops = [model.launch_at(x.tolist()) | {"contact_duration": s, "duration": t} for s, t, x in search.hops]
+    hops = sorted((hop for hop in hops if not hop["alpha"] > (fastest or np.inf)), key=lambda hop: hop["alpha"])
+    for i, hop in enumerate(hops):
+        if progress:
+            progress(i / len(hops))
+        began = time.perf_counter()
+        try:
+            orbit = certified_orbit(
+                machine, solve_from(machine, method, np.array([hop[n] for n in names])), began=began
+            )
+        except (NoOrbit, FlowError) as error:
+            reason = Message("; one is rejected: {error}", error=error)
+            continue
+        if orbit.family == family:
+            found = True
+            yield orbit
+    if not found:
+        text = (
+            "none of {count} hops with half contacts up to {contact:.4g} and half flights up to {flight:.4g}{slow} is "
+        )
+        slow = Message(" and launch speeds up to {at:.6g}", at=Quantity(fastest, LIFTOFF_SPEED)) if fastest else ""
+        contact, flight = (Quantity(longest, TIME) for longest in search.longest)
+        known = {"count": len(hops), "contact": contact, "flight": flight, "slow": slow, "family": family}
+        raise NoOrbit(Message(text + "is of family {family}{reason}", **known, reason=reason))
 
 
 # The orbits of a machine that may have units.

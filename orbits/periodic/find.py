@@ -67,7 +67,9 @@ def find(
     limit : time limit in seconds; None means 30 s of processor time, or the limit of a `time_limit` around it
 
     If a family has several orbits, the one of least launch speed is returned. All orbits are searched as by `find_all`
-    where the laws of the machine have many or narrow bends, and where no orbit is found otherwise. For other machines
+    where the laws of the machine have many or narrow bends, and where no orbit is found otherwise. A linear machine
+    that steps and whose launch has several numbers is searched by its modes of vibration, with the times that `starts`
+    searches; the orbit is the admissible one of least launch speed, or if there is none the first. For other machines
     the result is the first orbit under constant gravity, or its continuation to varying gravity; then `known_in_family`
     is None, since others are not searched. The orbit may be inadmissible: see its `violations`. Raises `NoOrbit` when
     there is no orbit, when a solution belongs to another family, or when the limit is reached, and `InputError` for an

@@ -1,14 +1,15 @@
 """All lossless hops of a linear mechanism with one plastic gap, from two times and the amplitudes of contact.
 
 In flight M y'' = -K y + f. In contact the gap g = weights . y is held at 0 until the force that holds it vanishes: it
-has no acceleration in flight then either. A lossless hop is its own mirror image in time, from rest in mid-contact to
-rest in mid-flight, with speeds and accelerations that are continuous at lift-off. These are sums of modes that swing
-with frequencies r in contact and w in flight, and the load, which is constant, is in none of them. At lift-off, half
-the time of contact s after mid-contact, the accelerations are H cos(r s) c and the speeds H sin(r s)/r c, where the
-columns of H are the modes of contact in coordinates of the modes of flight. These come to rest after half the time of
-flight T where
+has no acceleration in flight then either. A lossless hop is its own mirror image in time, from mid-contact to
+mid-flight, with speeds and accelerations that are continuous at lift-off. These are sums of modes that swing with
+frequencies r in contact and w in flight, and the load, which is constant, is in none of them. A mode that the reversor
+leaves as it is rests in the middle; one that it turns over passes its centre there, a quarter of a period later. With
+angles b = 0 or pi/2 of the modes, the accelerations at lift-off, half the time of contact s after mid-contact, are
+H cos(r s - b) c and the speeds H sin(r s - b)/r c, where the columns of H are the modes of contact in coordinates of
+the modes of flight. These come to their middle after half the time of flight T where
 
-    (cos(w T) H sin(r s)/r + sin(w T)/w H cos(r s)) c = 0.
+    (cos(w T - b) H sin(r s - b)/r + sin(w T - b)/w H cos(r s - b)) c = 0.
 
 For n coordinates these are n equations for the n - 1 amplitudes c, whose size does not matter: they hold at isolated
 pairs of times. The size of c is that with which the load holds the gap without an acceleration at lift-off (after
@@ -17,7 +18,8 @@ they have no poles, whatever modes turn at the same time.
 """
 
 from collections.abc import Iterator
-from typing import NamedTuple
+from dataclasses import replace
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -38,9 +40,14 @@ class LinearOptions(NamedTuple):
     converged_step: float = 1e-8  # as a share of the times: a start with a smaller step has converged
     same_root: float = 1e-7  # as a share of the times: roots that are closer are the same
     polishing_steps: int = 3  # further ones, after which a root is known to rounding
+    same_square: float = 1e-9  # as a share of the largest: squared frequencies that are closer are the same
     largest_residual: float = 1e-9  # of a root, as a share of the largest terms
     # Of half times, as a share of the longest; shorter hops have shrunk to nothing, a root for many contacts.
     shortest_phase: float = 1e-3
+    # The longest half contact and half flight unless they are stated, in slowest natural periods of the phases. A hop
+    # of two masses has half flights of 0.72, 1.23, 1.74, ... of it.
+    half_contact: float = 0.5
+    half_flight: float = 1.0
 
 
 LINEAR = LinearOptions()
@@ -60,17 +67,32 @@ class LinearSearch:
 
     equations : M, K (n, n) and f (n,), as for `linear_modes`
     gap : weights (n,) of the gap weights . y
+    signs : (2, n), of the coordinates under the reversors of flight and of contact; all are 1 by default
     periods : the slowest natural periods of contact and of flight, 0 where no mode of the phase swings
 
     Raises `InputError` for an invalid mechanism, and `NoOrbit` where a motion changes neither spring nor gap.
     """
 
-    def __init__(self, equations: tuple[ArrayLike, ArrayLike, ArrayLike], gap: ArrayLike):
-        self._equations = _HopEquations(*equations, gap)
+    def __init__(self, equations: tuple[ArrayLike, ArrayLike, ArrayLike], gap: ArrayLike, signs: ArrayLike = 1):
+        self._equations = _HopEquations(*equations, gap, signs)
         self._roots = np.zeros((0, 1 + self._equations.size))
         rates = self._equations.rates, self._equations.flight.rates
         contact, flight = (float(2 * np.pi / each.min(initial=np.inf)) for each in rates)
         self.periods = contact, flight
+
+    @classmethod
+    def of(cls, machine: Any) -> "LinearSearch":
+        """The search for the hops of a linear `Mechanism`, whose gap that lands may be the image of the one that
+        opens."""
+        back = machine.model.reversal
+        maps = back, machine.model.relabelling.after(back)
+        return cls(machine.linear_equations(), machine.gap_weights, [each.signs[::2] for each in maps])
+
+    @property
+    def longest(self) -> tuple[float, float]:
+        """The longest half contact and half flight that are searched unless they are stated."""
+        contact, flight = self.periods
+        return LINEAR.half_contact * contact, LINEAR.half_flight * flight
 
     def batches(self, half_contact: float, half_flight: float, seed: int = 0) -> Iterator[float]:
         """Search by Newton's method from one batch of times after the other, until they find nothing new; the share
@@ -102,6 +124,18 @@ def _distinct(roots: Array) -> Array:
     return roots[~np.tril(near, -1).any(1)]
 
 
+def _own_images(squares: Array, turned: Array) -> tuple[Array, Array]:
+    """Orthonormal combinations (k, k) of modes, each of equal squares (k,) in ascending order, that an involution
+    `turned` (k, k) of the modes maps to themselves or to their negatives, and their angles (k,) b: 0, or pi/2."""
+    own, later = np.zeros(turned.shape), np.zeros(len(squares))
+    ends = np.flatnonzero(np.diff(squares) > LINEAR.same_square * squares[-1]) + 1
+    for group in np.split(np.arange(len(squares)), ends):
+        among = np.ix_(group, group)
+        signs, own[among] = np.linalg.eigh(turned[among])
+        later[group] = np.where(signs < 0, np.pi / 2, 0.0)
+    return own, later
+
+
 class _Sums(NamedTuple):
     """The sums of modes at unknowns (m, 1 + n): two times and the amplitudes.
 
@@ -127,11 +161,16 @@ class _HopEquations:
     thrown in flight too, and nothing would bring it back. The unknowns (m, 1 + n) are s, T and the amplitudes.
     """
 
-    def __init__(self, inertia: ArrayLike, stiffness: ArrayLike, load: ArrayLike, gap: ArrayLike):
-        self.flight = flight = linear_modes(inertia, stiffness, load)
+    def __init__(self, inertia: ArrayLike, stiffness: ArrayLike, load: ArrayLike, gap: ArrayLike, signs: ArrayLike):
+        flight = linear_modes(inertia, stiffness, load)
         if flight.pushed:
             raise InputError("the stiffness is not positive semidefinite: a motion moves away from rest without bound")
-        self.squares, self.loads, self.size = flight.squares, flight.loads, len(flight.squares)
+        in_flight, in_contact = np.broadcast_to(signs, (2, len(flight.squares)))
+        own, self.later = _own_images(flight.squares, flight.apart * in_flight @ flight.shapes)
+        if self.later[: flight.thrown].any():
+            raise NoOrbit("no spring holds a motion that the reversor turns over, which is thrown: add one")
+        flight = replace(flight, shapes=flight.shapes @ own, apart=own.T @ flight.apart, loads=flight.loads @ own)
+        self.flight, self.squares, self.loads, self.size = flight, flight.squares, flight.loads, len(flight.squares)
         weights = np.array(gap, dtype=float)
         if weights.shape != (self.size,) or not np.isfinite(weights).all() or not weights.any():
             raise InputError(f"gap = {gap!r}: it must have one weight for each of the {self.size} coordinates")
@@ -142,7 +181,9 @@ class _HopEquations:
             raise NoOrbit(
                 "a motion that changes neither the gap nor a spring never comes back: add a spring that holds it"
             )
-        self.rates, self.held = np.sqrt(squares), closed @ turned
+        held = closed @ turned
+        own, self.later_in_contact = _own_images(squares, held.T @ (flight.apart * in_contact @ flight.shapes) @ held)
+        self.rates, self.held = np.sqrt(squares), held @ own
         self.centre = self.held @ (self.loads @ self.held / squares)
         # The gap's acceleration is pull . q + push.
         self.pull, self.push = -of_gap * self.squares, float(of_gap @ self.loads)
@@ -151,8 +192,9 @@ class _HopEquations:
         """The sums of modes at unknowns (m, 1 + n)."""
         k, flown, amplitudes = self.flight.thrown, unknowns[:, 1:2], unknowns[:, 2:]
         c, s = np.ones((len(unknowns), self.size)), np.repeat(flown, self.size, axis=1)
-        c[:, k:], s[:, k:] = np.cos(flown * self.flight.rates), np.sin(flown * self.flight.rates) / self.flight.rates
-        turned = unknowns[:, :1] * self.rates
+        angles = flown * self.flight.rates - self.later[k:]
+        c[:, k:], s[:, k:] = np.cos(angles), np.sin(angles) / self.flight.rates
+        turned = unknowns[:, :1] * self.rates - self.later_in_contact
         cosines, sines = np.cos(turned), np.sin(turned) / self.rates
         matrix = c[..., None] * (self.held * sines[:, None]) + s[..., None] * (self.held * cosines[:, None])
         v, a, rates = amplitudes * sines, amplitudes * cosines, self.rates

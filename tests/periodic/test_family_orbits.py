@@ -2,8 +2,9 @@
 
 import numpy as np
 import pytest
+from two_feet import FEET
 
-from orbits import InputError, NoOrbit, find
+from orbits import InputError, NoOrbit, find, find_all, starts
 from problems import Hopper
 
 
@@ -36,3 +37,23 @@ def test_a_solve_that_lands_on_another_family_has_failed(monkeypatch):
     monkeypatch.setattr("orbits.periodic.family_orbits.certified_orbit", lambda *_, **__: second)
     with pytest.raises(NoOrbit, match="ended on an orbit of family 2"):
         find(Hopper())
+
+
+def test_a_linear_machine_of_two_gaps_is_searched_by_its_modes():
+    """For the feet's mass 4 the orbit is that of `studies/exact_orbits/cases/alternating_hopper.json`."""
+    heavy = FEET.with_values(m=4.0)
+    orbit = find(heavy)
+    assert (orbit.family, orbit.admissible) == (1, True)
+    assert orbit.alpha == pytest.approx(42.380943053086255996, rel=1e-13)
+    assert orbit.contact_time == pytest.approx(2.1121249064823066302, rel=1e-13)
+    family = find_all(heavy, 1)
+    assert [each.admissible for each in family] == [False, False, True]
+    assert family[-1].alpha == pytest.approx(orbit.alpha, rel=1e-14)
+    assert len(starts(heavy)) == 20
+    assert [each.alpha for each in find_all(heavy, 1, fastest=30.0)] == [each.alpha for each in family[:-1]]
+    light = find(FEET.with_values(m=1.0))
+    assert light.violations[0].startswith("the right touches in contact at t = 3.41243")
+    with pytest.raises(NoOrbit, match=r"none of 20 hops with half .* up to 12\.57 is of family 9"):
+        find(heavy, 9)
+    with pytest.raises(NoOrbit, match=r"none of 0 hops .* and launch speeds up to 2 is of family 1"):
+        find_all(heavy, 1, fastest=2.0)

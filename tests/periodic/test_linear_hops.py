@@ -5,6 +5,7 @@ import mpmath as mp
 import numpy as np
 import pytest
 from mechanisms import linear_hops
+from scipy.linalg import expm as expm_in_doubles
 
 from orbits import InputError, NoOrbit
 from orbits.model import half_angle
@@ -163,6 +164,53 @@ def test_a_symmetric_machine_hops_symmetrically():
     assert_exact(one[0], (*merged, gap[:3]))
 
 
+# Inertia, stiffness, load, gap and the signs under the reversors: a body on two feet, of which the mean of the heights
+# and half their difference are coordinates; and a leg with a weightless swing at its foot, which passes through its
+# centre in mid-contact and turns in mid-flight.
+TURNED = {
+    "two feet": (
+        np.diag([1.0, 8.0, 8.0]), [[2.0, -2.0, 0.0], [-2.0, 2.0, 0.0], [0.0, 0.0, 2.0]], [-1.0, -8.0, 0.0],
+        [0.0, 1.0, 1.0], [[1, 1, -1], [1, 1, 1]],
+    ),
+    "swing": (
+        np.diag([1.0, 0.4, 0.7]), [[1.5, 0.0, -1.5], [0.0, 0.8, -0.8], [-1.5, -0.8, 2.3]], [-1.0, 0.0, -0.7],
+        [0.0, 0.0, 1.0], [[1, 1, 1], [1, -1, 1]],
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", TURNED)
+def test_what_a_reversor_turns_over_passes_its_centre_midway(name):
+    inertia, stiffness, load, gap, signs = (np.array(each, dtype=float) for each in TURNED[name])
+    hops = linear_hops(inertia, stiffness, load, gap, 5.0, 5.0, signs=signs)
+    assert len(hops) > 1
+    apart = np.linalg.inv(inertia)
+    pull = apart @ gap / (gap @ apart @ gap)  # the direction of a force on the gap, which is scaled
+
+    def after(state, time, turned, held):
+        y, v = state[::2], state[1::2]
+        keep = np.eye(len(y)) - held * np.outer(pull, gap)
+        rates = np.zeros((2 * len(y) + 1, 2 * len(y) + 1))
+        rates[: len(y), len(y) : -1] = np.eye(len(y))
+        rates[len(y) : -1, : len(y)], rates[len(y) : -1, -1] = -keep @ apart @ stiffness, keep @ apart @ load
+        y, v = np.split((expm_in_doubles(rates * time) @ [*y, *v, 1.0])[:-1], 2)
+        return np.where(turned > 0, v, y)
+
+    for hop in hops:
+        y, scale = hop.liftoff[::2], np.abs(hop.liftoff).max()
+        assert abs(gap @ y) < 1e-12 * scale
+        assert abs(gap @ hop.liftoff[1::2]) < 1e-12 * scale
+        assert abs(gap @ apart @ (load - stiffness @ y)) < 1e-12 * scale
+        assert np.abs(after(hop.liftoff, hop.half_flight, signs[0], 0.0)).max() < 1e-10 * scale
+        middle = after(hop.liftoff, -hop.half_contact, signs[1], 1.0)
+        assert np.abs(middle[signs[1] < 0]).max(initial=0.0) < 1e-10 * scale
+        assert np.abs(middle).max() < 1e-10 * scale
+    if name == "two feet":  # the hop of `studies/exact_orbits/cases/alternating_hopper.json`
+        ((contact, flight),) = [hop[:2] for hop in hops if hop.half_contact < 2 and hop.half_flight < 2]
+        assert contact == pytest.approx(1.0560624532411533151, rel=1e-13)
+        assert flight == pytest.approx(1.0650907307635620173, rel=1e-13)
+
+
 @pytest.mark.parametrize(
     ("change", "kind", "telling"),
     [
@@ -172,6 +220,7 @@ def test_a_symmetric_machine_hops_symmetrically():
         ({"half_contact": 0.0}, InputError, "above 0"),
         ({"half_flight": np.inf}, InputError, "half_flight = inf is not a finite number"),
         ({"stiffness": np.diag([0.0, 1.0, 0.0])}, NoOrbit, "never comes back"),
+        ({"signs": [[-1, -1, -1], [1, 1, 1]]}, NoOrbit, "the reversor turns over, which is thrown"),
         ({"inertia": np.zeros((3, 3))}, InputError, "not positive definite"),
     ],
 )
