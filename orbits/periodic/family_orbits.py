@@ -130,11 +130,9 @@ def _hops_of_family(
     for i, hop in enumerate(hops):
         if progress:
             progress(i / len(hops))
-        began = time.perf_counter()
+        began, u = time.perf_counter(), np.array([hop[name] for name in names])
         try:
-            orbit = certified_orbit(
-                machine, solve_from(machine, method, np.array([hop[n] for n in names])), began=began
-            )
+            orbit = certified_orbit(machine, solve_from(machine, method, u), began=began)
         except (NoOrbit, FlowError) as error:
             reason = Message("; one is rejected: {error}", error=error)
             continue
@@ -142,9 +140,7 @@ def _hops_of_family(
             found = True
             yield orbit
     if not found:
-        text = (
-            "none of {count} hops with half contacts up to {contact:.4g} and half flights up to {flight:.4g}{slow} is "
-        )
+        text = "none of {count} hops with half contacts up to {contact:.4g} and half flights up to {flight:.4g}{slow} "
         slow = Message(" and launch speeds up to {at:.6g}", at=Quantity(fastest, LIFTOFF_SPEED)) if fastest else ""
         contact, flight = (Quantity(longest, TIME) for longest in search.longest)
         known = {"count": len(hops), "contact": contact, "flight": flight, "slow": slow, "family": family}
