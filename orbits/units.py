@@ -54,7 +54,7 @@ ANGLE, ANGULAR_SPEED = _powers(angle=1), _powers(time=-1, angle=1)
 DIMENSIONS: dict[str, Dimension] = {
     **dict.fromkeys(("alpha", "error", "alpha_noise", "robustness"), LIFTOFF_SPEED),
     "alpha_per_noise": _powers(time=-1, force=-1, extension=1),
-    **dict.fromkeys(("flight_time", "contact_time", "period"), TIME),
+    **dict.fromkeys(("flight_time", "contact_time", "period", "half_stance", "half_double_stance"), TIME),
     "frequency": FREQUENCY,
     **dict.fromkeys(("liftoff_extension", "stroke"), EXTENSION),
     **dict.fromkeys(("clearance", "smallest_separation", "step"), LENGTH),

@@ -23,6 +23,7 @@ if TYPE_CHECKING:
         rocking_block as rocking_block,
         runner as runner,
         shuttle as shuttle,
+        walker as walker,
     )
     from .steering import (
         Actuated as Actuated,

@@ -72,6 +72,7 @@ BUILDERS: dict[str, dict[str, Any]] = {
     "rocking_block": {"inertia_ratio": 1.0, "gravity_ratio": 0.5},
     "shuttle": {"inertia_ratio": 1.0},
     "runner": {"foot_mass": 0.1, "rest_length": 3.7},
+    "walker": {"leg_mass": 0.1, "torso_inertia": 0.42},
 }  # fmt: skip
 
 

@@ -193,7 +193,11 @@ class Family(
     @property
     def units(self) -> Mapping[str, str]:
         own, along = super().units, {**PRESCRIBED, **OF_STEPS}.get(self.name)
-        return {self.name: unit_text(along.dimension), **own} if own and along else own
+        return (
+            {self.name: unit_text(along.dimension), **own}
+            if own and along and not isinstance(along.dimension, str)
+            else own
+        )
 
     @property
     def _along(self) -> tuple[str, ...]:

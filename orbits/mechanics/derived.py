@@ -70,10 +70,13 @@ def derived_model(structure: Structure) -> Model:
         rest=parts.rest if s.rest else None,
         knees=parts.knees if s.knees else None,
         planar=parts.reactions.planar if parts.reactions else None,
-        sticks=s.sticks,
+        sticks=tuple(dict(s.sticks)),
+        height=parts.height,
+        grazes=s.grazes,
+        segments=parts.segments,
         sticking=parts.sticking if s.sticks else None,
         weight=carried_weight(mechanics, stepping=steps is not None and not s.sticks),
-        fixed=(STEP_LENGTH,) if s.sticks else (),
+        fixed=(STEP_LENGTH,) if len(s.sticks) > len(s.anywhere) else (),
     )
     if steps and launch and model.search:
         # Families are counted by turns where mid-flight turns no place over, and by zeros of the extension where it
@@ -137,6 +140,6 @@ def _names_beside_laws(s: Structure) -> set[str]:
 @lru_cache(maxsize=64)
 def _parts_without_laws(s: Structure) -> "Parts":
     c, gravity = Coordinates.of(s.coordinates, s.actuators, s.parameters), Gravity(s.gravity, s.surface_gravity)
-    mechanics = mechanics_of(c, s.elements, s.inertia, s.gap, gravity, s.sticks)
+    mechanics = mechanics_of(c, s.elements, s.inertia, s.gap, gravity, dict(s.sticks), s.anywhere)
     refuse_places(c, s, mechanics)
     return Parts.of(s, mechanics)

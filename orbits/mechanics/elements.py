@@ -155,5 +155,14 @@ def expressions_of(stated: Any) -> list[Any]:
     by_name = [*dict(stated.heights or {}).values(), *dict(stated.rest).values()]
     rows = [value for row in stated.inertia for value in row]
     lengths = [length for *_, length in stated.knees]
-    maps = [*dict(stated.reversor or {}).values(), *dict(stated.symmetry).values(), *dict(stated.gaps).values()]
-    return [*elements, *forces, *whole, *optional, *by_name, *rows, *lengths, *maps]
+    maps = [stated.reversor or {}, stated.symmetry, stated.gaps, stated.sticks]
+    return [
+        *elements,
+        *forces,
+        *whole,
+        *optional,
+        *by_name,
+        *rows,
+        *lengths,
+        *(value for each in maps for value in dict(each).values()),
+    ]

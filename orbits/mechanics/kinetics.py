@@ -225,12 +225,18 @@ class ClosedGap:
         without a gap
     sticks : the places of the coordinates that stick while it is closed
     y, v : the symbols (n + k,) of all places and rates
+    anywhere : those of `sticks` that stick at any place, on which the motion depends; the others are at 0
+    height : the gap as a formula that vanishes with that coordinate, None where it is the sum itself
+    along : the place along the ground that each of `sticks` holds, an expression
     """
 
     weights: list[Fraction]
     sticks: tuple[int, ...]
     y: Column
     v: Column
+    anywhere: tuple[int, ...] = ()
+    height: ExactExpression | None = None
+    along: tuple[ExactExpression, ...] = ()
 
     @property
     def eliminated(self) -> list[int]:
@@ -239,12 +245,14 @@ class ClosedGap:
 
     @cached_property
     def left(self) -> list[int]:
-        """The places of the remaining ones among the coordinates and displacements."""
-        return [i for i in range(len(self.y)) if i not in (*self.eliminated, *self.sticks)]
+        """The places of the remaining ones among the coordinates and displacements: what moves, and then what
+        sticks anywhere."""
+        n, moving = len(self.weights), [i for i in range(len(self.y)) if i not in (*self.eliminated, *self.sticks)]
+        return [*(i for i in moving if i < n), *self.anywhere, *(i for i in moving if i >= n)]
 
     @property
     def own(self) -> int:
-        """The number of coordinates that remain."""
+        """The number of coordinates that move while it is closed."""
         return len(self.weights) - len(self.eliminated) - len(self.sticks)
 
     @property
@@ -294,7 +302,21 @@ class ClosedGap:
             for i in lost
             for symbols, own in ((self.y, self.s), (self.v, self.w))
         )
-        return {each: total(a * b for a, b in zip(row, own, strict=True) if a) for each, own, row in pairs}
+        found = {each: total(a * b for a, b in zip(row, own, strict=True) if a) for each, own, row in pairs}
+        return found | {self.v[i]: ZERO for i in self.anywhere}
+
+    def on_points(self, forces: ExactRows) -> ExactRows:
+        """The forces (1 + sticks, k) across and along the ground on the point that closes the gap, from those on its
+        coordinate and on what sticks."""
+        if self.height is None:
+            return forces
+        (lost,), slopes = self.eliminated, [*self.along, self.height]
+        by = lambda of, i: self.inside([derivative_by(of, self.y[i])])[0]  # noqa: E731
+        first, *others = forces
+        held = [[each / by(of, i) for each in row] for of, i, row in zip(slopes, self.sticks, others, strict=False)]
+        for of, row in zip(self.along, held, strict=True):
+            first = [a - by(of, lost) * b for a, b in zip(first, row, strict=True)]
+        return [[simplified(each / by(self.height, lost)) for each in first], *held]
 
     def inside(self, expressions: Sequence[ExactExpression]) -> Column:
         """Expressions of the coordinates and rates as ones of the remaining ones."""

@@ -16,10 +16,11 @@ rounded while they are derived on exact expressions, and whatever the structure 
 0, whether an extension is a sum of coordinates, and whether two forces are one, is decided exactly.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from functools import cache, cached_property
+from types import MappingProxyType
 from typing import NamedTuple
 
 import casadi as ca
@@ -27,12 +28,25 @@ import casadi as ca
 from ..errors import InputError
 from ..laws import Algebraic, Key, Parameters, Scalars
 from ..model import CONTACT_FORCE, is_used, names_of_holding, weighted_sum
-from ..symbolic import ZERO, Column, ExactExpression, ExactRows, derivative_by, inner_product, rows_of, total, vanishes
+from ..symbolic import (
+    ZERO,
+    Column,
+    ExactExpression,
+    ExactRows,
+    derivative_by,
+    inner_product,
+    rows_of,
+    substitute,
+    total,
+    vanishes,
+)
 from .coefficients import Coefficients
 from .coordinates import Coordinates, all_vanish
 from .elements import Damper, Element, Force, Inerter, Mass, Scalar, Spring, paths_of
 from .kinetics import Closed, ClosedGap, Kinetics, Square
 from .terms import Gravity, Term, mass_of, terms_of, with_law
+
+NO_STICKS: Mapping[str, Scalar] = MappingProxyType({})
 
 
 class InFlight(NamedTuple):
@@ -69,7 +83,7 @@ class InContact(NamedTuple):
     held, bent_row : (1 + sticks, terms of the flight) and (1 + sticks,), the contact force and those on what sticks,
         per force and by what is quadratic in the rates
     row : the same (1 + sticks, terms) per force that differs
-    force_coefficients, force_quadratic : of these
+    force_coefficients, force_quadratic : of these, as forces across and along the ground on the point that closes
     inertia : of the remaining coordinates; `coefficients` of their accelerations per force
     quadratic : as in flight
     """
@@ -161,10 +175,11 @@ class Mechanics:
 
     def positions_and_rates(self, x: Scalars, p: Parameters) -> tuple[list[Algebraic], list[Algebraic]]:
         """Coordinates with the actuators' displacements, and their rates, of a flight or a contact state."""
-        actuators = self.coordinates.actuators
-        ends = len(x) - len(actuators)
+        actuators, gap = self.coordinates.actuators, self.gap
+        still = len(gap.anywhere) if len(x) == 2 * gap.own + len(gap.anywhere) + len(actuators) else 0
+        ends = len(x) - len(actuators) - still
         moved = [p[rate] if self.in_flight.moves_ends else 0.0 for _, rate in actuators]
-        return [*x[:ends:2], *x[ends:]], [*x[1:ends:2], *moved]
+        return [*x[:ends:2], *x[ends:]], [*x[1:ends:2], *[0.0] * still, *moved]
 
     def embedded(self, s: Scalars) -> list[Algebraic]:
         """All coordinates (n + k), or rates, from those of the contact."""
@@ -182,7 +197,8 @@ class Mechanics:
         changes = [weighted_sum(row, forces) for row in rows]
         changes = _with_bent(changes, phase.quadratic, own, p)
         pairs = [part for pair in zip(own[1], changes, strict=False) for part in pair]
-        return [*pairs, *(p[rate] for _, rate in self.coordinates.actuators)]
+        still = own[1][len(changes) : len(own[1]) - len(self.coordinates.actuators)]  # what sticks anywhere
+        return [*pairs, *still, *(p[rate] for _, rate in self.coordinates.actuators)]
 
     def turning(self, unit: ExactExpression) -> Callable:
         """(coordinates, rates, p) -> the slopes of the kinetic energy in a unit by the coordinates and displacements,
@@ -213,18 +229,19 @@ def _with_bent(
 
 def mechanics_of(
     c: Coordinates, elements: Sequence[Element], inertia: Sequence[Sequence[Scalar]], gap: Scalar | None,
-    gravity: Gravity, sticks: Sequence[str] = (),
+    gravity: Gravity, sticks: Mapping[str, Scalar] = NO_STICKS, anywhere: Collection[str] = (),
 ) -> Mechanics:  # fmt: skip
     """The mechanics of elements whose springs have no laws yet; the force of each `Spring` is its place among the laws.
 
     inertia : (n, n) in addition to that of the elements
     gap : None for a machine without one
-    sticks : the coordinates that stick while the gap is closed
+    sticks : the coordinates that stick while the gap is closed, each with the place along the ground that it holds
+    anywhere : those of them that stick at any place, on which the motion depends
 
     Raises `InputError` for an inertia that is singular, and for a gap that no coordinate closes.
     """
     kinetics = _kinetics_of(c, elements, stated_inertia(c, inertia))
-    closed = closed_gap(c, gap, sticks)
+    closed = closed_gap(c, gap, sticks, anywhere)
     standing = Closed(kinetics, closed)
     flight = _flight_equations(c, elements, terms_of(c, elements, gravity), kinetics, standing)
     return Mechanics(c, tuple(elements), gravity, closed, flight, _contact_equations(c, closed, flight, standing))
@@ -239,22 +256,39 @@ def forces_of(
     return [term.force(*place, p, q) if use else 0.0 for term, use in zip(terms, used, strict=True)]
 
 
-def closed_gap(c: Coordinates, expression: Scalar | None, sticks: Sequence[str] = ()) -> ClosedGap:
+def closed_gap(
+    c: Coordinates, expression: Scalar | None, sticks: Mapping[str, Scalar] = NO_STICKS, anywhere: Collection[str] = ()
+) -> ClosedGap:
     """The gap that an expression states, None for no gap, with the coordinates that stick; raises `InputError` for an
-    expression that is not a sum of coordinates."""
+    expression that is neither a sum of coordinates nor 0 where a single coordinate is."""
     if expression is None:
         return ClosedGap([Fraction(0)] * c.size, (), c.y, c.v)
-    weights, at_closed = c.weights(expression), c.at_zero(expression)
-    sums = weights is not None and vanishes(at_closed) and not any(weights[c.size :])
-    if weights is None or not sums or max(weights) <= 0:
+    held, free = (tuple(map(c.names.index, each)) for each in (sticks, anywhere))
+    along = tuple(map(c.scalar, sticks.values()))
+    if (weights := c.weights(expression)) is None:
+        height = c.scalar(expression)
+        closing = [i for i in range(c.size) if i not in held and _closes(height, c.y[i])]
+        if len(closing) != 1:
+            raise InputError(
+                f"gap '{expression}' is not a sum of coordinates with numbers before them, such as \"foot - plate\", "
+                'and no formula that changes its sign with one of them alone, such as "length*sin(lean)"'
+            )
+        unit = [Fraction(i == closing[0]) for i in range(c.size)]
+        return ClosedGap(unit, held, c.y, c.v, free, height, along)
+    if not vanishes(c.at_zero(expression)) or any(weights[c.size :]) or max(weights) <= 0:
         raise InputError(
             f"gap '{expression}' is not a sum of coordinates with numbers before them, such as \"foot - plate\""
         )
     weights = [weight / max(weights) for weight in weights[: c.size]]
-    held = tuple(map(c.names.index, sticks))
     if any(weights[i] for i in held):
-        raise InputError(f"gap '{expression}' depends on what sticks ({sticks[0]}): a gap must open upward")
-    return ClosedGap(weights, held, c.y, c.v)
+        raise InputError(f"gap '{expression}' depends on what sticks ({next(iter(sticks))}): a gap must open upward")
+    return ClosedGap(weights, held, c.y, c.v, free)
+
+
+def _closes(height: ExactExpression, coordinate: ExactExpression) -> bool:
+    """Whether a height vanishes with a coordinate, wherever the others are, and its slope does not."""
+    at, slope = substitute([height, derivative_by(height, coordinate)], {coordinate: ZERO})
+    return vanishes(at) and not vanishes(slope)
 
 
 def stated_inertia(c: Coordinates, stated: Sequence[Sequence[Scalar]]) -> ExactRows | None:
@@ -315,9 +349,11 @@ def _contact_equations(c: Coordinates, gap: ClosedGap, flight: InFlight, closed:
     terms, merging = _merged(c, gap, flight.terms)
     merged = lambda rows: [[total(row[i] for i in members) for members in merging] for row in rows]  # noqa: E731
     row, place = merged(held), [*gap.s, *gap.w]
+    on_points, bent_on_points = gap.on_points(row), [each for (each,) in gap.on_points([[each] for each in bent_row])]
     return InContact(
-        terms, held, bent_row, row, c.coefficients(row, gap.s),
-        _quadratic(flight.kinetics, bent_row, place), closed.own.matrix, c.coefficients(merged(accelerations), gap.s),
+        terms, held, bent_row, row, c.coefficients(on_points, gap.s),
+        _quadratic(flight.kinetics, bent_on_points, place), closed.own.matrix,
+        c.coefficients(merged(accelerations), gap.s),
         _quadratic(flight.kinetics, bent, place),
     )  # fmt: skip
 

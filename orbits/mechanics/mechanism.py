@@ -96,9 +96,14 @@ class Mechanism(Stated):
     bounds : the least and the largest value of parameters, by name
     drawing : a `Drawing` of the machine in the plane, for figures; None for masses on one vertical line
     bodies : a list of `Body` with joints, for `export` to simulators; none for masses on one vertical line
-    sticks : coordinates along the ground that are at rest while the gap is closed, such as that of a foot which does
-        not slide. Nothing may depend on the place of such a coordinate. It is 0 in contact, and a step moves it by
-        "step", a quantity of each orbit
+    sticks : coordinates that are at rest while the gap is closed, such as that of a foot which does not slide. Nothing
+        may depend on the place of such a coordinate along the ground. It is 0 in contact, and a step moves it by
+        "step", a quantity of each orbit. A coordinate that `reversor` or `symmetry` maps sticks at any place, on which
+        the motion may depend and which is an unknown of each orbit: one of a machine that stands on both feet. Where it
+        is not itself the place of the foot along the ground, a mapping of names states this place by a formula
+    segments : the angles of limbs by name, sums of coordinates, whose rates in mid-flight orbits report
+    grazes : whether the point that swings through passes the ground in mid-flight too, where the reversor turns the
+        gap's coordinate over: it touches tangentially and without a force
     words : for messages, by key: the name of the force at "liftoff"; the texts of a violated "gap", "pull",
         "separation" and "end"; for a machine that steps also of a violated "landing gap" in flight, "standing gap" in
         contact, "landed pull" and "stance" ("" for a "stance" that is not judged); and the advice where a search finds
@@ -143,8 +148,10 @@ class Mechanism(Stated):
     friction: Scalar | None = None
     drawing: Drawing | None = None
     bounds: Mapping[str, tuple[float, float]] = field(default_factory=dict)
-    sticks: Sequence[str] = ()
+    sticks: Any = ()
     bodies: Sequence[Body] = ()
+    grazes: bool = False
+    segments: Mapping[str, Scalar] = field(default_factory=dict)
 
     @exclusive
     def __post_init__(self) -> None:
@@ -152,7 +159,8 @@ class Mechanism(Stated):
         self._store(
             coordinates=listed("coordinates", self.coordinates), elements=listed("elements", self.elements),
             knees=tuple(listed("knees", knee) for knee in listed("knees", self.knees)),
-            angles=listed("angles", self.angles), sticks=listed("sticks", self.sticks),
+            angles=listed("angles", self.angles), grazes=true_or_false("grazes", self.grazes),
+            sticks=self.sticks if isinstance(self.sticks, Mapping) else {x: x for x in listed("sticks", self.sticks)},
             bodies=listed("bodies", self.bodies), in_si=true_or_false("in_si", self.in_si),
         )  # fmt: skip
         first = next(iter(self.gaps.values()), "") if isinstance(self.gaps, Mapping) else ""
@@ -169,9 +177,12 @@ class Mechanism(Stated):
         self._store(inertia=self._rows(), heights=self.heights or self._lengths())
         refuse_misstated(self)
         if self.sticks:
-            turned, onward = maps_of_sticking(self.sticks)
+            turned, onward = maps_of_sticking(self.stepping)
             back = None if self.reversor is None else {**self.reversor, **turned}
-            own = {**self.parameters, STEP_LENGTH: self.parameters.get(STEP_LENGTH, 0.0)}
+            own = {
+                **self.parameters,
+                **dict.fromkeys([STEP_LENGTH] if turned else [], self.parameters.get(STEP_LENGTH, 0.0)),
+            }
             self._store(reversor=back, symmetry={**self.symmetry, **onward}, parameters=own)
         numbers = {name: number(name, value) for name, value in self.parameters.items()}
         laws, elements = [self._law(self.gravity, "z", numbers)], list[Element]()
@@ -182,7 +193,7 @@ class Mechanism(Stated):
                 laws.append(self._law(element.force, "r", numbers))
                 element = replace(element, force=laws[-1][0])
             elements.append(element)
-        if self.sticks and any(STEP_LENGTH in key.names for key, _ in laws):
+        if self.stepping and any(STEP_LENGTH in key.names for key, _ in laws):
             raise InputError(f"'{STEP_LENGTH}' is a quantity of orbits; rename the law's parameter")
         values = joined_values(((key.text, own) for key, own in laws), numbers)
         rates = {rate: 0.0 for rate in self.actuators.values() if rate not in values}
@@ -256,6 +267,13 @@ class Mechanism(Stated):
         return tuple(listed("inertia", row) for row in listed("inertia", self.inertia))
 
     @property
+    def stepping(self) -> tuple[str, ...]:
+        """The coordinates that stick at 0, and that steps move on."""
+        turned, onward = maps_of_sticking(self.sticks)
+        mapped = {**turned, **dict(self.reversor or {})}, {**onward, **self.symmetry}
+        return tuple(x for x in self.sticks if (turned[x], onward[x]) == (mapped[0][x], mapped[1][x]))
+
+    @property
     def places(self) -> set[str]:
         """The names of the coordinates and of the actuators' displacements."""
         return {*self.coordinates, *self.actuators}
@@ -290,7 +308,7 @@ class Mechanism(Stated):
     @property
     def _stated_parameters(self) -> dict[str, float]:
         """The parameters except the step, which is a number of an orbit."""
-        return {name: value for name, value in self.parameters.items() if not (self.sticks and name == STEP_LENGTH)}
+        return {name: value for name, value in self.parameters.items() if not (self.stepping and name == STEP_LENGTH)}
 
     @property
     def _missing(self) -> list[str]:
@@ -313,7 +331,9 @@ class Mechanism(Stated):
             counts, self.launch, tuple((self.heights or {}).items()), self.separation, self.energy_unit,
             tuple(self.rest.items()), tuple(self.knees), tuple(self.actuators.items()), tuple(self.words.items()),
             names, self.reversor if self.reversor is None else tuple(self.reversor.items()),
-            tuple(self.symmetry.items()), tuple(self.gaps.items()), self.friction, tuple(self.sticks),
+            tuple(self.symmetry.items()), tuple(self.gaps.items()), self.friction, tuple(self.sticks.items()),
+            tuple(name for name in self.sticks if name not in self.stepping), self.grazes,
+            tuple(self.segments.items()),
         )  # fmt: skip
 
     @exclusive_property

@@ -11,7 +11,18 @@ from numpy.typing import ArrayLike
 
 from ..errors import InputError
 from ..laws import Algebraic, Key, Parameters, Scalars
-from ..model import LANDED_FORCE, Affine, Knee, Phase, Pieces, StateFormula, pieces_along, weighted_sum
+from ..model import (
+    LANDED_FORCE,
+    LANDED_HOLDING,
+    Affine,
+    Knee,
+    Phase,
+    Pieces,
+    SignedShift,
+    StateFormula,
+    pieces_along,
+    weighted_sum,
+)
 from ..symbolic import ZERO, exact_number, inner_product
 from .coefficients import Coefficients
 from .coordinates import Coordinates
@@ -97,9 +108,9 @@ class Parts:
 
     @property
     def _states_in_contact(self) -> list[str]:
-        """The remaining coordinates of the contact, and their speeds."""
-        own = self.mechanics.gap.left[: self.mechanics.gap.own]
-        return [state for i in own for state in (self.structure.coordinates[i], f"{self.structure.coordinates[i]}'")]
+        """The coordinates that move in contact with their speeds, then what sticks anywhere."""
+        names = [self.structure.coordinates[i] for i in self.mechanics.gap.left[: self.mechanics.gap.own]]
+        return [*(state for name in names for state in (name, f"{name}'")), *self.structure.anywhere]
 
     @property
     def launch_unknowns(self) -> tuple[str, ...]:
@@ -111,10 +122,24 @@ class Parts:
     def embed(self) -> np.ndarray:
         """The matrix from contact states to flight states."""
         n, ends, embed, own = self.mechanics.size, self._ends, self.mechanics.gap.embed, self.mechanics.gap.own
-        matrix = np.zeros((2 * n + ends, 2 * own + ends))
+        still = len(self.structure.anywhere)
+        matrix = np.zeros((2 * n + ends, 2 * own + still + ends))
         matrix[: 2 * n : 2, : 2 * own : 2] = matrix[1 : 2 * n : 2, 1 : 2 * own : 2] = embed[:n, :own]
-        matrix[2 * n :, 2 * own :] = np.eye(ends)
+        matrix[: 2 * n : 2, 2 * own : 2 * own + still] = embed[:n, own : own + still]
+        matrix[2 * n :, 2 * own + still :] = np.eye(ends)
         return matrix
+
+    @property
+    def height(self) -> Callable | None:
+        """p -> the gap as a formula; None where it is a sum of coordinates."""
+        gap = None if self.mechanics.gap.height is None else self.structure.gap
+        return None if gap is None else _height(self.mechanics.coordinates, gap)
+
+    @property
+    def segments(self) -> dict[str, tuple[float, ...]]:
+        """The weights of the flight states in the angles of limbs, by name."""
+        c, each = self.mechanics.coordinates, self.structure.segments
+        return {name: _sum_of_coordinates(c, angle, f"segment '{name}'").weights for name, angle in each}
 
     @property
     def gap(self) -> Affine:
@@ -147,10 +172,25 @@ class Parts:
         watch: dict[str, Callable] = {name: partial(self.mechanics.contact_force, held=i) for i, name in forces}
         if self.steps and self.steps.row:
             watch[LANDED_FORCE] = self.steps.landed_force(self.mechanics)
+        elif self.steps and self.steps.turned:
+            watch |= self._forces_on_landed()
         if self.reactions:
             watch |= self.reactions.watch(self.mechanics, contact=True)
         states = (*self._states_in_contact, *(name for name, _ in self.structure.actuators))
         return Phase("contact", states, self.mechanics.contact, watch, pieces, closed_form)
+
+    def _forces_on_landed(self) -> dict[str, Callable]:
+        """The forces on the point that has landed, of a machine that stands on both: those on the point that opens, in
+        the labels of before."""
+        assert self.steps is not None
+        back = self.steps.states(self.steps.relabelling).inverse
+        places = [_states(self.mechanics.coordinates).index(name) for name in self._states_in_contact]
+        own = SignedShift(tuple(back.signs[i] for i in places), lambda p: [back.shifts(p)[i] for i in places])
+
+        def before(x: Scalars, p: Parameters, q: Scalars, held: int) -> Algebraic:
+            return self.mechanics.contact_force(own.image(x, p), p, q, held)
+
+        return {name: partial(before, held=i) for i, name in enumerate((LANDED_FORCE, LANDED_HOLDING))}
 
     @property
     def hysteretic(self) -> tuple[float, ...] | None:
@@ -194,7 +234,7 @@ class Parts:
         if (weights := self.mechanics.coordinates.weights(expression)) is None:
             return None
         own = self.mechanics.gap.weights_inside(weights) if contact else weights
-        return _interleaved(list(map(float, own)), self._ends)
+        return _interleaved(list(map(float, own)), self._ends + contact * len(self.structure.anywhere))
 
     def _offset(self, expression: Scalar) -> Callable | None:
         """p -> what a sum of coordinates is where all of them are 0; None where that is 0."""

@@ -145,7 +145,7 @@ def reactions_of(
         own = mass_of(c, weight.mass) * m.gravity.at_ground(c)
         carried[place], heavy = carried[place] + own, heavy + own
     mass = total(mass_of(c, each.mass) for each in masses)
-    travel = c.coefficients([[each / mass for each in along[1]]]) if gap.sticks else None
+    travel = c.coefficients([[each / mass for each in along[1]]]) if len(gap.sticks) > len(gap.anywhere) else None
     flying, held = list[_Row](), list[_Row]()
     for weights, slopes, bend in zip([carried, [ZERO] * len(carried)], along, bends, strict=True):
         pulls, bent, pushes = _momentum(m, slopes)
@@ -199,7 +199,8 @@ def _refuse_unturned(m: Mechanics, steps: Stepping, sums: Column) -> None:
     as they are or mirrored: halves of motions then need different friction."""
     c, gap = m.coordinates, m.gap
     around = steps.relabelling.after(steps.reversor)
-    for by, place, here in ((steps.reversor, c.y, c.y), (around, gap.s, gap.inside(c.y))):
+    moving = [c.y[i] for i in gap.left if i not in gap.anywhere]
+    for by, place, here in ((steps.reversor, c.y, c.y), (around, moving, gap.inside(c.y))):
         there = dict(zip(c.y, by.image(here, {}), strict=True))
         for whole, signs in zip(sums, ((1,), (1, -1)), strict=True):
             (at,), (own,) = substitute([whole], there), substitute([whole], dict(zip(c.y, here, strict=True)))

@@ -27,7 +27,7 @@ NEARLY_THE_SAME = 0.75
 def refuse_misstated(mechanism: Any) -> None:
     """Raise `InputError` for a `Mechanism` whose names or shapes cannot be, whatever its parameters' values are."""
     m = mechanism
-    for name in ("parameters", "rest", "actuators", "words", "heights", "symmetry", "gaps", "reversor"):
+    for name in ("parameters", "rest", "actuators", "words", "heights", "symmetry", "gaps", "segments", "reversor"):
         if name == "reversor" and m.reversor is None:
             continue
         if not isinstance(getattr(m, name), Mapping):
@@ -49,7 +49,7 @@ def refuse_misstated(mechanism: Any) -> None:
             raise InputError(f"{element.force!r} in {element} is not a Python function (y, v, p)")
         refuse_expressions(element, fields_of(element))
     refuse_expressions("the mechanism", m.expressions)
-    if unknown := sorted(names_in(m.gap) - {*m.coordinates}):
+    if unknown := sorted(names_in(m.gap) - {*m.coordinates, *m.parameters}):
         hint = suggest(unknown[0], m.coordinates)
         raise InputError(f"gap '{m.gap}' is not a sum of coordinates: it has '{unknown[0]}'{hint}")
     _refuse_rows(m.inertia, len(m.coordinates))
@@ -77,16 +77,22 @@ def _refuse_sticks(m: Any) -> None:
         raise InputError(
             f"sticks = {list(m.sticks)}: the plane has one direction along the ground, so only one coordinate can stick"
         )
-    if STEP_LENGTH in m.places:
-        raise InputError(f"'{STEP_LENGTH}' is the name of the step of {m.sticks[0]}; rename the coordinate")
+    if STEP_LENGTH in m.places and m.stepping:
+        raise InputError(f"'{STEP_LENGTH}' is the name of the step of {m.stepping[0]}; rename the coordinate")
     if len(m.gaps) > 1 or m.actuators:
         raise InputError("a machine that sticks must have one gap, which opens and lands again, and no actuators")
-    for stated, own in ((m.reversor or {}, maps_of_sticking(m.sticks)[0]), (m.symmetry, maps_of_sticking(m.sticks)[1])):
-        if left := [name for name in m.sticks if stated.get(name, own[name]) != own[name]]:
-            raise InputError(f"'{left[0]}' sticks, which determines its reversor and its symmetry; leave them out")
+    for name in {*m.sticks} - {*m.stepping}:
+        if left := [
+            each[name] for each in (m.reversor or {}, m.symmetry) if STEP_LENGTH in names_in(each.get(name, 0.0))
+        ]:
+            raise InputError(
+                f"'{name}' sticks, and '{left[0]}' has the {STEP_LENGTH}: leave both of its maps out where "
+                "nothing depends on its place, or state both without a step"
+            )
     if left := [each for each in m.elements if isinstance(each, Mass) and each.across is None]:
         raise InputError(
-            f"{left[0]} has no place along the ground, which is needed since {m.sticks[0]} sticks: state its across="
+            f"{left[0]} has no place along the ground, which is needed since {next(iter(m.sticks))} sticks: state its "
+            "across="
         )
     if len(m.coordinates) < 2 + len(m.sticks):
         raise InputError(f"sticks = {list(m.sticks)}: then nothing moves in contact")

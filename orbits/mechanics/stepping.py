@@ -51,7 +51,10 @@ class Stepping(NamedTuple):
     reversor, relabelling : of the coordinates (n,)
     reversible : whether motions are turned back, at least if nothing damps them
     landing : the gap that closes at landing
-    row : (1, terms of the flight), the force on the landed point per force; None where the same point opens again
+    turned : whether the reversor turns the gap's coordinate over, so that it closes from the other side, and two points
+        stand in contact
+    row : (1, terms of the flight), the force on the landed point per force; None where the same point opens again, and
+        where the gap is turned over
     quadratic : what is quadratic in the rates in that force, of places and rates in contact; None where that vanishes
     """
 
@@ -60,6 +63,7 @@ class Stepping(NamedTuple):
     relabelling: SignedShift
     reversible: bool
     landing: StatedGap
+    turned: bool
     row: Coefficients | None
     quadratic: Coefficients | None = None
 
@@ -75,7 +79,7 @@ class Stepping(NamedTuple):
     def landing_gap(self, gap: Sequence[Fraction]) -> Callable[[Parameters], Affine] | None:
         """The gap that opens, as in `Model`."""
         (weights, offset), c = self.landing, self.coordinates
-        if weights == gap and vanishes(offset):
+        if self.turned or (weights == gap and vanishes(offset)):
             return None
         found, numbers = c.coefficients([[offset]]), tuple(each for weight in weights for each in (float(weight), 0.0))
         return lambda p: Affine(numbers, found(p)[0][0])
@@ -151,8 +155,12 @@ def steps_of(c: Coordinates, s: Structure, m: Mechanics) -> Stepping | None:
     around = _image_of_gap((gap, ZERO), label.after(back))
     if not same or (s.reversor is not None and not _side(gap, around)):
         raise InputError(f"the symmetry must take the gap that lands to gap '{s.gap}'")
-    row, quadratic = _landed_rows(m, label, landing[0]) if same < 0 else (None, None)
-    return Stepping(c, back, label, s.reversor is not None, landing, row, quadratic)
+    turned = _side(gap, landing) < 0
+    if turned != s.grazes:
+        passes = f"gap '{s.gap}' is 0 in mid-flight too" if turned else f"gap '{s.gap}' is open in mid-flight"
+        raise InputError(f"{passes}, where the reversor leads it: state grazes={turned}")
+    row, quadratic = _landed_rows(m, label, landing[0]) if same < 0 and not turned else (None, None)
+    return Stepping(c, back, label, s.reversor is not None, landing, turned, row, quadratic)
 
 
 def _landed_rows(
@@ -229,7 +237,11 @@ def _needs_odd(m: Mechanics, by: SignedShift, where: str) -> bool:
     raises `InputError` where it does not even then."""
     c, flight, gap = m.coordinates, m.in_flight, m.gap
     closed = c.y if where == "flight" else gap.inside(c.y)
-    matrix = gap.exact_embed if where == "contact" else [[int(i == j) for j in range(c.size)] for i in range(c.size)]
+    matrix = (
+        [row[: gap.own] for row in gap.exact_embed]
+        if where == "contact"
+        else [[int(i == j) for j in range(c.size)] for i in range(c.size)]
+    )
     embed = [list(map(exact_number, column)) for column in zip(*matrix, strict=True)]
     there, here = (dict(zip(c.y, each, strict=True)) for each in (by.image(closed, {}), closed))
 

@@ -1,4 +1,4 @@
-"""Coordinates along the ground that stick in contact: nothing may depend on their places, which is decided exactly.
+"""Coordinates that stick in contact: nothing may depend on the place of one that sticks at 0, which is decided exactly.
 
 Then a motion that is moved along the ground is a motion too, the coordinate is 0 in contact in the labels of each
 stance, and an orbit is one up to such a move.
@@ -16,9 +16,17 @@ from .structure import Structure
 
 
 def refuse_places(c: Coordinates, s: Structure, m: Mechanics) -> None:
-    """Raise `InputError` where something of a structure depends on the place of a coordinate that sticks."""
-    for name in s.sticks:
+    """Raise `InputError` where something of a structure depends on the place of a coordinate that sticks at 0, and
+    where nothing depends on that of one that sticks anywhere."""
+    for name, _ in s.sticks:
         place = c.y[c.names.index(name)]
+        if name in s.anywhere:
+            if all(all_vanish(derivative_by(each, place) for each in found) for _, found in _free_of_places(c, s, m)):
+                raise InputError(
+                    f"'{name}' sticks, which determines its reversor and its symmetry, since nothing depends on its "
+                    "place; leave them out"
+                )
+            continue
         for what, expressions in _free_of_places(c, s, m):
             if not all_vanish(derivative_by(each, place) for each in expressions):
                 raise InputError(

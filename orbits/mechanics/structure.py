@@ -53,4 +53,7 @@ class Structure(NamedTuple):
     symmetry: tuple[tuple[str, Scalar], ...] = ()
     gaps: tuple[tuple[str, Scalar], ...] = ()
     friction: Scalar | None = None
-    sticks: tuple[str, ...] = ()
+    sticks: tuple[tuple[str, Scalar], ...] = ()
+    anywhere: tuple[str, ...] = ()
+    grazes: bool = False
+    segments: tuple[tuple[str, Scalar], ...] = ()

@@ -22,7 +22,9 @@ if TYPE_CHECKING:
     )
     from .model import (
         CONTACT_FORCE,
+        HOLDING_FORCE,
         LANDED_FORCE,
+        LANDED_HOLDING,
         STEP_LENGTH,
         Knee,
         Model,

@@ -27,6 +27,8 @@ CONTACT_FORCE = "contact force"
 LANDED_FORCE = "contact force of the landed point"
 # The quantity that a contact with a coordinate that sticks watches besides: the force of the ground along it.
 HOLDING_FORCE = "holding force"
+# The same on the point that has landed, of a machine that stands on two points and sticks to both.
+LANDED_HOLDING = "holding force of the landed point"
 # The parameter that says by how much such a coordinate moves on from one contact to the next.
 STEP_LENGTH = "step"
 
@@ -105,8 +107,13 @@ class Model:
         ground; None for other machines
     landing_gap : p -> height of the point that lands, the image of `gap` under the reversor; None where that is `gap`
     feet : names of the point that opens and of the one that lands; empty where they have none
-    sticks : names of the coordinates that are at rest in contact besides the gap, where they are 0. Nothing depends on
-        their places, and they move on by the parameter "step" from one contact to the next
+    sticks : names of the coordinates that are at rest in contact besides the gap. Where nothing depends on their
+        places, they are 0 there and move on by the parameter "step" from one contact to the next; otherwise their
+        places are contact states without speeds, and unknowns of a launch
+    height : p -> the height of the contact point where `gap` is a coordinate with which it vanishes; None where it is
+        `gap`
+    segments : the weights (n,) of the flight states in the angles of limbs, by name
+    grazes : whether the reversor turns `gap` over, so that the height vanishes in mid-flight too
     weight : p -> the weight that the contact carries, that of all that rises with the gap while no spring is strained;
         None where that is not known
     sticking : (x, p) -> the directions in which an impact changes the flight state x per unit of speed of each of
@@ -156,6 +163,9 @@ class Model:
     sticking: Callable | None = None
     weight: Callable = lambda p: None
     lands: bool = True
+    height: Callable[[Parameters], StateFormula] | None = None
+    grazes: bool = False
+    segments: Mapping[str, tuple[float, ...]] = field(default_factory=dict)
 
     def __repr__(self) -> str:
         return fields_in_line(self, "name")
@@ -379,6 +389,15 @@ class Model:
     def one_speed(self) -> bool:
         """Whether its speed alone fixes a launch; in mid-contact `mid_contact` then first vanishes again."""
         return len(self.launch_unknowns) == 2 and not self.sticks
+
+    @property
+    def runs(self) -> bool:
+        """Whether the parameter "step" moves it on."""
+        return STEP_LENGTH in self.fixed
+
+    def height_of(self, p: Parameters) -> Affine | StateFormula:
+        """The height of the contact point."""
+        return (self.height or self.gap)(p)
 
     @property
     def moves_on(self) -> bool:

@@ -46,7 +46,8 @@ class Certificate:
         point that lands next if that is another one; None if there is no minimum
     smallest_separation : least distance within the machine over the cycle; None where no length is stated
     smallest_contact_force : lowest interior minimum of the force in contact; None if it has none (the force is 0 at
-        both ends, and normally has one maximum in between)
+        both ends, and normally has one maximum in between). Of a walker that stands on one foot in flight, it is the
+        least force on a foot over the cycle, except where that lands or lifts off
     largest_contact_force : its maximum; None where the contact does not end
     landing_jerk : third derivative of the contact point's height at landing; negative on a motion
     loss_coefficient : C of the one-step map alpha + d -> alpha + d - C |d|**(4/3) of plastic landings, on the side of
@@ -159,7 +160,7 @@ def certify(model: Model, cycles: Cycles) -> tuple[Records[Certificate], dict[in
         power = launch_power(gradients.T, direction)
         launch = 0.5 * cycles.u["alpha"] * power
         drift = changes.max(1) / launch
-        loss, bounce_factor = _losses(model, cycles, jerk, power)
+        loss, bounce_factor = _losses(model, cycles, _jerk_of_gap(model, cycles, jerk), power)
     finite = np.all(np.isfinite([cycles.error, cycles.residual, drift, jerk]), axis=0)
     finite &= np.all([np.isfinite(each) | (each == NONE) for each in (loss, separation, smallest_force)], axis=0)
     leaps = (changes > np.maximum(WORST_DRIFT * launch[:, None], ERRORS.doubtful_ratio * floors)).any(1)
@@ -200,6 +201,14 @@ def certify(model: Model, cycles: Cycles) -> tuple[Records[Certificate], dict[in
     return Records(Certificate, columns), refused
 
 
+def _jerk_of_gap(model: Model, cycles: Cycles, jerk: np.ndarray) -> np.ndarray:
+    """The jerks (m,) of the gap's coordinate at lift-off, from those of the height of the contact point."""
+    if model.height is None:
+        return jerk
+    each = slice(None, None, cycles.halves_per_flight)
+    return 6 * cycles.halves.series(model.gap(cycles.p_of_halves), steps=cycles.halves.first)[each, 3]
+
+
 def _losses(model: Model, cycles: Cycles, jerk: np.ndarray, power: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Loss coefficients (m,), `NONE` where the gap opens the wrong way or does not change with the launch speed, and
     where its jerk jumps; and the `bounce_factor` (m,) of each."""
@@ -207,7 +216,7 @@ def _losses(model: Model, cycles: Cycles, jerk: np.ndarray, power: np.ndarray) -
     defined, shares = (jerk > 0) & (cycles.gap_slope != 0), np.zeros(len(cycles))
     defined &= ~_jerk_jumps(model, cycles, jerk)
     states = _landing_states(model, cycles)
-    if model.changes_contact:
+    if model.changes_contact and not model.sticks:
         # Where the share that is left is not known, or is nearly all, no such law holds.
         shares[:] = model.share_left(model.relabelling.image(list(states), cycles.p), cycles.p)
         defined &= shares < LOSSES.most_left
@@ -215,7 +224,7 @@ def _losses(model: Model, cycles: Cycles, jerk: np.ndarray, power: np.ndarray) -
         p = {name: values[defined] for name, values in cycles.p.items()}
         mass = mass_of_landing(model, states[:, defined], p, _thirds(model, cycles, jerk)[:, defined])
         loss = loss_coefficient(mass, jerk[defined], np.abs(cycles.gap_slope[defined]), power[defined])
-        if model.changes_contact:
+        if model.changes_contact and not model.sticks:
             late, early = np.transpose([hand_over_factors(max(rho, 0.0)) for rho in shares[defined].tolist()])
             loss, factors[defined] = loss * late, early / late
         found[defined] = np.where(loss == np.inf, np.nan, loss)  # a number too large is not `NONE`

@@ -196,7 +196,9 @@ def orbits_of(
             **own,
             flight=cycles.flight[place],
             contact=contacts.get(place),
-            shape=Shape(model.reversor, mirror, model.embed, heights, model.springs, knees, steps, extension),
+            shape=Shape(
+                model.reversor, mirror, model.embed, heights, model.springs, knees, steps, extension, model.segments
+            ),
             certificate=found.certificates[place],
             method=method,
             skipped=_skipped(model, p, method),

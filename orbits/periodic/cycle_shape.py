@@ -1,7 +1,7 @@
 """The shape of a cycle: how the stored motions make up the whole cycle, and the parts of it that are shown."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import NamedTuple, NotRequired, TypedDict
 
 import numpy as np
@@ -36,6 +36,7 @@ class Shape:
     knees : such names with the length of each of the two links that join them
     steps : the maps of a machine that steps, None for another one
     extension : weights (n,) of the flight states in the extension, None in older files
+    segments : such weights of the angles of limbs, by name
     """
 
     reversor: tuple[int, ...] | None
@@ -46,11 +47,12 @@ class Shape:
     knees: tuple[Knee, ...] = ()
     steps: StepMaps | None = None
     extension: tuple[float, ...] | None = None
+    segments: Mapping[str, tuple[float, ...]] = field(default_factory=dict)
 
     def saved(self) -> dict[str, object]:
-        """The fields for a file; `steps` only where the machine steps."""
-        optional = ("steps", "extension")
-        stated = {name: value for name, value in vars(self).items() if name not in optional or value is not None}
+        """The fields for a file, without what the machine does not have."""
+        absent: dict[str, object] = {"steps": None, "extension": None, "segments": {}}
+        stated = {name: value for name, value in vars(self).items() if name not in absent or value != absent[name]}
         return stated | {"heights": {name: height.saved() for name, height in self.heights.items()}}
 
     def images(self, first: np.ndarray, contact: bool = False) -> np.ndarray | None:
@@ -110,6 +112,7 @@ class SavedShape(TypedDict):
     knees: NotRequired[tuple[Knee, ...]]
     steps: NotRequired[tuple[tuple[float, ...], ...]]
     extension: NotRequired[tuple[float, ...]]
+    segments: NotRequired[Mapping[str, tuple[float, ...]]]
 
 
 def shape_of(data: SavedShape, flight: Trajectory, contact: Trajectory | None) -> Shape:
@@ -122,11 +125,12 @@ def shape_of(data: SavedShape, flight: Trajectory, contact: Trajectory | None) -
     fits &= all(each is None or len(each) == size for each, size in zip(signs, sizes, strict=True))
     weights = (height.weights for height in heights.values() if isinstance(height, Affine))
     steps, own, extension = data.get("steps"), [sizes[0], sizes[1], sizes[0], sizes[0]], data.get("extension")
-    fits &= extension is None or len(extension) == sizes[0]
+    segments = data.get("segments", {})
+    fits &= all(len(each) == sizes[0] for each in (*([] if extension is None else [extension]), *segments.values()))
     fits &= steps is None or [len(each) for each in steps] == own
     fits &= bool(heights) and all(len(each) == sizes[0] for each in weights)
     knees = data.get("knees", ())
     if not fits or not {*sum(data["springs"], ()), *(name for *pair, _ in knees for name in pair)} <= known:
         raise ValueError("its shape does not fit its motion")
     maps = None if steps is None else StepMaps(*steps)
-    return Shape(*signs, embed, heights, data["springs"], knees, maps, extension)
+    return Shape(*signs, embed, heights, data["springs"], knees, maps, extension, segments)

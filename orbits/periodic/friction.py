@@ -3,7 +3,8 @@ force across it.
 
 The largest |T|/N is the number q for which the minimum of q N - |T| over the motion is 0. From a smaller q, the place
 of that minimum gives the next q (Dinkelbach 1967), and the last place is that of the largest |T|/N. Where a foot
-sticks, both forces vanish at landing and at lift-off: there the ratio is |T'|/N' of their rates.
+sticks, both forces vanish at landing and at lift-off: there the ratio is |T'|/N' of their rates. Of two feet that hold
+a machine, each is judged by the forces on it.
 """
 
 from functools import partial
@@ -13,7 +14,16 @@ import casadi as ca
 import numpy as np
 
 from ..flow import Trajectories, flow_of
-from ..model import NORMAL_FORCE, TANGENTIAL_FORCE, Model, Phase
+from ..model import (
+    CONTACT_FORCE,
+    HOLDING_FORCE,
+    LANDED_FORCE,
+    LANDED_HOLDING,
+    NORMAL_FORCE,
+    TANGENTIAL_FORCE,
+    Model,
+    Phase,
+)
 from ..numerics import evaluate
 from ..records import NONE, Records
 from ..shooting import EPS, Cycles, columns, vectors
@@ -30,12 +40,17 @@ SAME_SHARE = 4 * EPS
 NEAR_START = 1e-6
 # Rounding of the share, in units of the last place of the largest states.
 SHARE_ROUNDING = 16
+# The forces of the ground as a whole, and those on each of two feet that hold a machine in contact, with whether both
+# vanish where the contact begins.
+GROUND = NORMAL_FORCE, TANGENTIAL_FORCE
+FEET = {(CONTACT_FORCE, HOLDING_FORCE): False, (LANDED_FORCE, LANDED_HOLDING): True}
 
 
 class _OfGround(NamedTuple):
     """The forces of the ground on the motions (k,) of one phase.
 
     which : (k,), the cycles of the motions
+    names : of the forces across and along the ground
     normal, along : (N, K + 1), the forces
     vanishing : whether both vanish where the motions begin
     """
@@ -43,6 +58,7 @@ class _OfGround(NamedTuple):
     phase: Phase
     motions: Trajectories
     which: np.ndarray
+    names: tuple[str, str]
     normal: np.ndarray
     along: np.ndarray
     vanishing: bool
@@ -81,15 +97,18 @@ def with_friction(model: Model, cycles: Cycles, certificates: Records[Certificat
     planar, violations = model.planar, list(certificates.column("violations"))
     parts, (stance, ends) = list[_OfGround](), np.full((2, len(cycles)), NONE)
     if planar.stands:
-        flight = _forces_of_ground(model.flight, cycles.halves, np.arange(len(cycles)))
+        flight = _forces_of_ground(model.flight, cycles.halves, np.arange(len(cycles)), GROUND)
         stance, ends = turns_and_zeros({"normal": Sought.of(flight.motions, flight.normal)})["normal"].lowest()
         parts.append(flight)
     pulls = np.zeros(len(cycles), dtype=bool)
     if cycles.contacts:
-        contact = _forces_of_ground(model.contact, cycles.contacts, cycles.with_contact, bool(model.sticks))
-        least, _ = turns_and_zeros({"normal": Sought.of(contact.motions, contact.normal)})["normal"].lowest()
-        pulls[contact.which] = least < 0
-        parts.append(contact)
+        of_feet = LANDED_HOLDING in model.contact.watch
+        # What lands begins without a force, and the image of its motion is that of what opens.
+        for names, vanishing in FEET.items() if of_feet else ((GROUND, bool(model.sticks)),):
+            contact = _forces_of_ground(model.contact, cycles.contacts, cycles.with_contact, names, vanishing)
+            least, _ = turns_and_zeros({"normal": Sought.of(contact.motions, contact.normal)})["normal"].lowest()
+            pulls[contact.which] |= least < 0
+            parts.append(contact)
     lifts, words = stance <= 0, model.violations.get("stance")
     judged = np.full(len(cycles), bool(words) if planar.stands else None, dtype=object)
     text = "{lifts} at t = {time:.6g} of the flight (force {force:.3g})"
@@ -112,18 +131,22 @@ def with_friction(model: Model, cycles: Cycles, certificates: Records[Certificat
     found = {"friction_needed": needed, "friction_error": error, "friction_time": when}
     found = {name: np.where(known, values, NONE) for name, values in found.items()}
     found |= {"smallest_stance_force": stance, "stance_judged": judged}
+    if planar.stands and model.sticks:  # the least force on a foot, but where it lands and lifts off
+        found["smallest_contact_force"] = np.fmin(certificates.column("smallest_contact_force"), stance)
     motion = np.array([not each for each in violations], dtype=bool)
     sides = np.where(motion, certificates.column("stable_side"), None)
     return certificates.replaced(**found, violations=violations, stable_side=sides)
 
 
-def _forces_of_ground(phase: Phase, motions: Trajectories, which: np.ndarray, vanishing: bool = False) -> _OfGround:
-    rows = [motions.coefficients[:, motions.names.index(name)] for name in (NORMAL_FORCE, TANGENTIAL_FORCE)]
+def _forces_of_ground(
+    phase: Phase, motions: Trajectories, which: np.ndarray, names: tuple[str, str], vanishing: bool = False
+) -> _OfGround:
+    rows = [motions.coefficients[:, motions.names.index(name)] for name in names]
     if vanishing:  # up to rounding
         rows = [row.copy() for row in rows]
         for row in rows:
             row[motions.first, 0] = 0.0
-    return _OfGround(phase, motions, which, rows[0], rows[1], vanishing)
+    return _OfGround(phase, motions, which, names, rows[0], rows[1], vanishing)
 
 
 def _largest(parts: list[_OfGround], count: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -169,9 +192,9 @@ def _share_errors(
             changes[late] = flow.run_all(begins, ps[which[late]], times[late], changes[late], still)[1]
         states = evaluate(rows[step], (times - part.motions.starts[step])[:, None])
         data = flow.mesh_data(part.motions, ps[part.which])[step]
-        (slopes,) = _share_slopes(part.phase, names)(states, data)
+        (slopes,) = _share_slopes(part.phase, names, part.names)(states, data)
         if part.vanishing and (times == 0).any():
-            (limits,) = _share_slopes(part.phase, names, by_rates=True)(states, data)
+            (limits,) = _share_slopes(part.phase, names, part.names, by_rates=True)(states, data)
             slopes = np.where((times == 0)[:, None], limits, slopes)
         by_speed = np.abs((slopes * changes[:, :, 0]).sum(1)) * cycles.error[which]
         errors[which] = by_speed + SHARE_ROUNDING * EPS * (needed[which] + np.abs(slopes * states).sum(1))
@@ -179,13 +202,15 @@ def _share_errors(
 
 
 @cached
-def _share_slopes(phase: Phase, parameters: tuple[str, ...], by_rates: bool = False) -> ElementwiseFunction:
+def _share_slopes(
+    phase: Phase, parameters: tuple[str, ...], names: tuple[str, str], by_rates: bool = False
+) -> ElementwiseFunction:
     """The derivatives of T/N, or of the ratio of their rates, by the state, (x, parameters with data of a piece)."""
     flow = flow_of(phase, parameters)
     x = ca.SX.sym("x", flow.size)
     p = ca.SX.sym("p", len(parameters) + (phase.pieces.size if phase.pieces else 0))
     known = flow.symbols(x, p)
-    normal, along = (phase.watch[name](*known) for name in (NORMAL_FORCE, TANGENTIAL_FORCE))
+    normal, along = (phase.watch[name](*known) for name in names)
     if by_rates:
         rates = ca.vertcat(*phase.field(*known))
         normal, along = (ca.jtimes(force, x, rates) for force in (normal, along))

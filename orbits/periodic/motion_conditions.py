@@ -35,7 +35,7 @@ def checked_functions(model: Model, cycles: Cycles) -> dict[str, TurnsAndZeros]:
     # Each half starts from a zero of order three of the gap, so of order two of its rate, and the contact force from a
     # simple one.
     sought = {
-        "gap": Sought(halves, model.gap(cycles.p_of_halves), order=2),
+        "gap": Sought(halves, model.height_of(cycles.p_of_halves), order=2),
         "extension": Sought(halves, model.extension),
     }
     if model.landing_gap:
@@ -108,7 +108,8 @@ def gaps_of(
     if cycles.halves_per_flight == 1 and not flow_of(model.flight, tuple(cycles.p)).is_smooth:
         jerk = _jerks_at_launch(model, cycles)
         gap = _without_rounding(gap, jerk, model.gap(cycles.p).weights)
-    clearance, when = _least_of_halves(cycles, *gap.lowest(_lowest_middles(gap)))
+    middles = np.zeros(0, int) if model.grazes else _lowest_middles(gap)  # where it is 0 in mid-flight, without a force
+    clearance, when = _least_of_halves(cycles, *gap.lowest(middles))
     violations = list[Violation]()
     for i in (jerk <= 0).nonzero()[0].tolist():
         text = "the gap opens the wrong way at landing (landing jerk {jerk:.3g}, must be negative)"

@@ -31,6 +31,7 @@ from .orbit_table import rows_of_orbit
 from .quantities import OF_RUNS, QUANTITIES, dimension_of
 from .saved_orbit import (
     DOCUMENT_FIELDS,
+    FIELDS_OF_LIMBS,
     FIELDS_OF_RUNS,
     FIELDS_OF_STEPS,
     SavedOrbit,
@@ -50,7 +51,9 @@ OTHER_EQUATIONS = "its motion does not satisfy these equations; a table or a fun
 @dataclass(frozen=True, eq=False, repr=False)
 class Orbit(
     Result, what="orbit", printed_digits=15,
-    internal=("bare", "contact", "flight", "method", "scales", "shape", "si", "skipped", "with_tuned"),
+    internal=(
+        *("bare", "contact", "flight", "method", "scales", "shape", "si", "skipped", "with_tuned"), *FIELDS_OF_LIMBS,
+    ),
 ):  # fmt: skip
     """A lossless periodic motion: flight from time 0 to `flight_time`, then contact to `period`.
 
@@ -220,6 +223,22 @@ class Orbit(
         return None if self.step is None or self.contact_time is None else self.step / self.period
 
     @property
+    def half_stance(self) -> float | None:
+        """Half the time for which a machine with limbs stands on one foot, or hangs by one hand; None for others."""
+        return self.flight_time / 2 if self.shape.segments else None
+
+    @property
+    def half_double_stance(self) -> float | None:
+        """Half the time for which a machine with limbs stands on both; None for others, and where that never ends."""
+        return self.contact_time / 2 if self.shape.segments and self.contact_time else None
+
+    @property
+    def rates(self) -> list[float] | None:
+        """The rates of the limbs' angles in mid-flight, in the order of `Mechanism(segments=)`; None without limbs."""
+        rates = self.state_mid_flight[1::2]
+        return [float(rates @ np.array(each[::2])) for each in self.shape.segments.values()] or None
+
+    @property
     def cost_of_transport(self) -> float | None:
         """The lost energy over the weight and the distance, which is 0; None for a machine that does not move along the
         ground."""
@@ -344,6 +363,7 @@ class Orbit(
         figures["state_mid_flight"] = mid.tolist()
         document = {**self.machine, **{name: figures[name] for name in DOCUMENT_FIELDS}}
         document |= {name: figures[name] for name in FIELDS_OF_STEPS} if self.shape.steps else {}
+        document |= {name: getattr(self, name) for name in FIELDS_OF_LIMBS} if self.shape.segments else {}
         document |= {} if self.step is None else {name: figures[name] for name in FIELDS_OF_RUNS}
         tuned = {"tuned": self.tuned, "tuned_errors": dict(self.tuned_errors), "prescribed": dict(self.prescribed)}
         document |= tuned if self.tuned_errors else {}

@@ -90,7 +90,7 @@ def speed_in_flight(model: Model, u: Mapping, p: Mapping, flight_time: Any) -> A
 
 def step_of(model: Model, u: Mapping, p: Mapping) -> Any:
     """The step: without a foot that sticks, by how much the foot that lands is ahead of the one that stood."""
-    if model.sticks:
+    if model.runs:
         return p[STEP_LENGTH]
     assert model.planar is not None
     assert model.planar.across is not None

@@ -32,9 +32,11 @@ FIELDS_OF_STEPS = (
 )
 # And of one that moves on along the ground.
 FIELDS_OF_RUNS = (*OF_RUNS, "cost_of_transport")
+# And of one that has limbs.
+FIELDS_OF_LIMBS = "half_stance", "half_double_stance", "rates"
 # The fields of an orbit's file besides those of the machine.
 OTHER_FIELDS = {
-    *(*DOCUMENT_FIELDS, *FIELDS_OF_STEPS, *FIELDS_OF_RUNS),
+    *(*DOCUMENT_FIELDS, *FIELDS_OF_STEPS, *FIELDS_OF_RUNS, *FIELDS_OF_LIMBS),
     *("format", "motion", "units", "si", "bare", "tuned", "tuned_errors", "prescribed"),
 }
 

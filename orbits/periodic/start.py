@@ -48,14 +48,14 @@ def stated_unknowns(model: Model, start: Orbit | Mapping[str, float]) -> dict[st
         unknowns = model.launch_at(start.flight.coefficients[0, :, 0].tolist()) | {"alpha": start.alpha}
         unknowns["duration"] = start.flight_time / (2 if start.shape.reversor else 1)
         unknowns["unfolding"] = start.certificate.unfolding or 0.0
-        if model.sticks:
+        if model.runs:
             assert start.shape.steps is not None
             unknowns[STEP_LENGTH] = start.shape.steps.reversor_shift[model.flight.states.index(model.sticks[0])]
         return unknowns | ({} if start.contact_time is None else {"contact_duration": start.contact_time / 2})
     if not isinstance(start, Mapping):
         raise InputError(f"start = {start!r}; it must be an orbit, or a mapping of unknowns to numbers")
     # Further unknowns may be stated although not every statement has them.
-    further = {"contact_duration", "unfolding", *((STEP_LENGTH,) if model.sticks else ())}
+    further = {"contact_duration", "unfolding", *((STEP_LENGTH,) if model.runs else ())}
     if unknown := [name for name in start if name not in {*model.half_unknowns, *further}]:
         raise InputError(f"start has '{unknown[0]}'; the unknowns are {', '.join(model.half_unknowns)}")
     stated = {"unfolding": 0.0, **{name: finite_number(f"start '{name}'", value) for name, value in start.items()}}

@@ -6,7 +6,7 @@ is one equation more. Then as many parameters of the machine are unknowns too, t
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import lru_cache
+from functools import lru_cache, partial
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -63,13 +63,18 @@ class Prescribed(NamedTuple):
     """
 
     of: Callable
-    dimension: Dimension
+    dimension: Dimension | str
     with_contact: bool = False
     positive: bool = False
 
 
 def _period(model: Model, u: Mapping, p: Mapping) -> Any:
     return 2 * (u["duration"] + u["contact_duration"])
+
+
+def _landed_place(name: str, model: Model, u: Mapping, p: Mapping) -> Any:
+    """The place at landing of what sticks."""
+    return model.reversal.image(model.launch(u, p), p)[model.flight.states.index(name)]
 
 
 PRESCRIBED: dict[str, Prescribed] = {
@@ -95,8 +100,11 @@ NEVER_NEGATIVE = ("stroke", "largest_contact_force", "peak_force_in_weights", "d
 
 def prescribable(model: Model) -> dict[str, Prescribed]:
     """The quantities of half an orbit of a model that may be prescribed, by name."""
-    each = OF_STEPS if model.sticks else OF_STEPS.keys() - {STEP_LENGTH} if model.moves_on else ()
-    return PRESCRIBED | {name: OF_STEPS[name] for name in OF_STEPS if name in each}
+    each = OF_STEPS if model.runs else OF_STEPS.keys() - {STEP_LENGTH} if model.moves_on else ()
+    stuck = {
+        name: Prescribed(partial(_landed_place, name), name) for name in model.sticks if name in model.launch_unknowns
+    }
+    return PRESCRIBED | {name: OF_STEPS[name] for name in OF_STEPS if name in each} | stuck
 
 
 @dataclass(frozen=True)
@@ -131,7 +139,7 @@ def tuning_of(machine: Machine, tune: str | Iterable[str] | None, at: Mapping[st
     for name in values:
         if name in machine.values and name not in known:
             raise InputError(f"at '{name}': it is a parameter of the machine; set it there, or tune it")
-        if name == "step" and name not in known and machine.model.moves_on:
+        if name == "step" and name not in known and machine.model.moves_on and not machine.model.sticks:
             raise InputError("at 'step': it follows from the geometry of this machine; set that instead")
         if name not in (*known, *others):
             if name in quantity_names(machine.model, machine.values):
@@ -205,7 +213,7 @@ def counts(model: Model, parameters: tuple[str, ...]) -> tuple[int, int]:
     """The number of unknowns and the number of equations of half an orbit, before parameters of a machine are tuned."""
     statement = half_orbit(model)
     arrivals = [arrival for _, arrival in boundary_functions(statement, parameters)]
-    return len(statement.unknowns) + bool(model.sticks), sum(arrival.numel_out(0) for arrival in arrivals)
+    return len(statement.unknowns) + model.runs, sum(arrival.numel_out(0) for arrival in arrivals)
 
 
 @lru_cache(maxsize=64)
@@ -226,7 +234,7 @@ def tuned_statement(model: Model, tuned: tuple[str, ...], prescribed: tuple[str,
         return [*arcs[-1].conditions(u, x, p), *more]
 
     arcs_with = (*arcs[:-1], replace(arcs[-1], conditions=conditions))
-    names = (*((STEP_LENGTH,) if model.sticks and STEP_LENGTH not in prescribed else ()), *tuned)
+    names = (*((STEP_LENGTH,) if model.runs and STEP_LENGTH not in prescribed else ()), *tuned)
     return Statement("tuned half orbit", (*unknowns, *names), arcs_with, durations, names)
 
 

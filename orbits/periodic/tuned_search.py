@@ -59,7 +59,7 @@ def _tuned_near(machine: Machine, known: Any, tuning: Tuning, method: str) -> tu
         solved = _solved_from(machine, tuning, known)
         errors, u = errors_of_tuned(solved), solved.us[0].tolist()
         tuned = machine.with_values(**tuned_values(solved.equations, solved.us[0]))
-        if sticks:
+        if machine.model.runs:
             step = float(solved.ps[0, solved.equations.parameters.index(STEP_LENGTH)])
             tuned = tuned.with_values(**{STEP_LENGTH: step})
         if sticks or solved.by_nodes:  # the tuned numbers in 16 digits do not determine a motion with nodes
@@ -77,8 +77,10 @@ def _solved_from(machine: Machine, tuning: Tuning, known: Any) -> Solved:
     first: NoOrbit | FlowError | None = None
     begins = []
     for start in known if isinstance(known, Iterator) else [known]:
+        own = {n: start[n] for n in tuning.names if n in start} if isinstance(start, Mapping) else {}
+        start = {n: value for n, value in start.items() if n not in own} if own else start
         bare = machine.units.dimensionless("start", start) if machine.units else start
-        begins.append(stated_unknowns(machine.model, bare))
+        begins.append(stated_unknowns(machine.model, bare) | own)
         try:
             return solve_tuned(machine, tuning, begins[-1])
         except (NoOrbit, FlowError) as error:
@@ -108,7 +110,13 @@ def first_tuned(
 
 def _starts_of_run(machine: Any, family: int, tuning: Tuning) -> Iterator[dict[str, float]]:
     """The starts of a run, slow ones first: from there the way to a faster run stays on its sheet. A design may be so
-    far from where its runs begin that only fast ones are near it."""
+    far from where its runs begin that only fast ones are near it. A machine that stands on two points begins with small
+    steps."""
+    if not machine.model.runs:
+        from .small_steps import small_steps  # SciPy takes long to import
+
+        yield from small_steps(machine.model, dimensionless(machine).values, tuning.names)
+        return
     hop = unknowns_of_hop(vertical_hop(dimensionless(machine).upright(), family))
     direct = start_of_run(machine, hop, tuning)
     stated = any(tuning.values.get(name) for name in OF_STEPS)

@@ -36,11 +36,12 @@ POSITIVE = click.FloatRange(0, min_open=True)
 machine_options = combined(
     click.option(
         "--machine",
-        metavar="hopper|juggler|wheel|rocker|shuttle|runner|FILE.toml",
+        metavar="hopper|juggler|wheel|rocker|shuttle|runner|walker|FILE.toml",
         help="Kind of machine, or a file that states it. A wheel, a rocker and a shuttle step. They take "
         "--set inertia_ratio=J/A and gravity_ratio=M*g*l/k (M*g*h/k for a rocker). Their angles are small unless you "
         "set angle=a in rad, which is half the angle between spokes or walls (tan a = b/h for a rocker). A runner "
-        "takes --set foot_mass=M, rest_length=L, inertia=I, hip_stiffness=K and its other parameters.",
+        "takes --set foot_mass=M, rest_length=L, inertia=I, hip_stiffness=K and its other parameters, a walker "
+        "--set leg_mass=M, leg_centre=D, torso_inertia=J, hip_stiffness=K and others.",
     ),
     click.option(
         "--mass-ratio",

@@ -35,5 +35,6 @@ if TYPE_CHECKING:
     from .runner import runner
     from .steps import RATIOS, rimless_wheel, rocking_block, shuttle
     from .two_masses import DAMPERS, TwoMasses, TwoMassMachine
+    from .walker import walker
 
 __all__ = [*public_names(__name__)]

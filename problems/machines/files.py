@@ -15,7 +15,7 @@ mass = 2.0
 stiffness = 50.0
 
 a machine that steps, "wheel", "rocker" or "shuttle", by its ratios or, in [si], by the arguments of its function in
-`problems.machines.steps`, and a "runner" by those of `problems.runner` in [parameters] or in [si],
+`problems.machines.steps`, and a "runner" or "walker" by those of its function in [parameters] or in [si],
 
 machine = "wheel"               machine = "wheel"
 spring = "r + beta*r**3"        [si]
@@ -61,6 +61,7 @@ from .juggler import Juggler
 from .runner import runner
 from .steps import RATIOS, rimless_wheel, rocking_block, shuttle
 from .two_masses import DAMPERS, GROUND_MASS, TwoMassMachine
+from .walker import walker
 
 if TYPE_CHECKING:
     from .in_si import AnyMachine
@@ -69,7 +70,7 @@ MachineOfFile: TypeAlias = "AnyMachine | Mechanism"
 KINDS: dict[str, type[TwoMassMachine]] = {"hopper": Hopper, "juggler": Juggler}
 MASSES = {"hopper": ("body_mass", "foot_mass"), "juggler": ("ball_mass", "hand_mass")}
 STEPPING: dict[str, Callable[..., Mechanism]] = {
-    **{"wheel": rimless_wheel, "rocker": rocking_block, "shuttle": shuttle, "runner": runner}
+    **{"wheel": rimless_wheel, "rocker": rocking_block, "shuttle": shuttle, "runner": runner, "walker": walker}
 }
 SI_KEYS_OF_STEPS = {
     kind: [
@@ -205,7 +206,8 @@ def _build(statement: dict[str, Any]) -> MachineOfFile:
 def _stepping_machine(kind: str, statement: dict[str, Any]) -> Mechanism:
     """A machine that steps. Those of its own numbers that are keys of machines that hop, as a rest length, may be keys
     too."""
-    own_names = SI_KEYS_OF_STEPS[kind] if kind == "runner" else (*RATIOS, "friction")
+    by_flag = "in_si" in signature(STEPPING[kind]).parameters
+    own_names = SI_KEYS_OF_STEPS[kind] if by_flag else (*RATIOS, "friction")
     known = [name for name in own_names if name in signature(STEPPING[kind]).parameters]
     apart = {name: statement[name] for name in OWN_KEYS if name in statement and name in known}
     if other := [name for name in statement if name in KEYS and name not in (*KEYS_OF_STEPS, *apart)]:
@@ -217,7 +219,7 @@ def _stepping_machine(kind: str, statement: dict[str, Any]) -> Mechanism:
         own = {name: values.pop(name) for name in known if name in values}
     else:
         _check_keys("[si]", own, si_keys_of(statement))
-        own = {**own, **({"in_si": True} if kind == "runner" else {})}
+        own = {**own, **({"in_si": True} if by_flag else {})}
     own |= apart
     spring = {"spring": statement["spring"]} if "spring" in statement else {}
     return STEPPING[kind](**own, **spring, parameters=values)

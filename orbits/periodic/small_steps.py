@@ -1,0 +1,148 @@
+"""Small steps of a machine that stands on two points: where families of walks begin, at the machine at rest.
+
+Beside the machine at rest, a walk obeys linear equations. With the launch E w, of the places and speeds w in contact,
+it has to satisfy
+
+    H A E w = 0,    P e^(A T) E w = 0,    Q e^(B D) R w = 0,
+
+with the matrices A and B of flight and contact, the accelerations H of what is held, the contact's reversor R, and the
+places P and Q that the reversors turn over, which vanish in mid-flight and in mid-contact. These are more conditions
+than the ratios of w and the times T and D satisfy. At a design where two tuned numbers satisfy the rest there are walks
+of all small sizes, to first order: there a family begins.
+"""
+
+from collections.abc import Iterator, Mapping, Sequence
+from typing import NamedTuple
+
+import casadi as ca
+import numpy as np
+from scipy.linalg import expm
+from scipy.optimize import root
+
+from ..model import Model
+from ..numerics import Array
+from ..symbolic import cached
+
+
+class SmallStepOptions(NamedTuple):
+    """Where the search for small steps begins, and when one is found."""
+
+    longest: float = 6.0  # times of the phases, in units of the inverse of the least rate of growth or oscillation
+    times: int = 400  # at which the conditions are compared
+    size: float = 0.02  # of what sticks, where a walk begins
+    rounding: float = 1e-13  # of the unknowns
+    residual: float = 1e-10  # of conditions that hold
+    slower: float = (
+        0.1  # logarithm of the change of a tuned number for which a slower walk is tried before a faster one
+    )
+
+
+SMALL_STEPS = SmallStepOptions()
+
+
+class SmallStep(NamedTuple):
+    """A small step: half the times of flight and contact, the launch (k,) in contact states, in which what sticks is at
+    -1, the tuned numbers, and how well the conditions hold."""
+
+    flight: float
+    contact: float
+    launch: Array
+    tuned: dict[str, float]
+    misfit: float
+
+
+class SmallSteps:
+    """The conditions of small steps of a machine that sticks, whose parameters are `p`."""
+
+    def __init__(self, model: Model, p: Mapping[str, float]):
+        self.model, self.p = model, dict(p)
+        self.matrices = _matrices(model, tuple(p))
+        names = model.flight.states
+        gap = names[int(np.argmax(model.gap(p).weights))]
+        self.held = [names.index(f"{name}'") for name in (gap, *model.sticks)]
+        self.middles = [np.flatnonzero(np.array(each.signs) < 0) for each in (model.reversal, model.contact_reversal)]
+        self.stuck = model.contact.states.index(model.sticks[0])
+
+    def conditions(self, flight: Array, time: float) -> Array:
+        """The conditions (r, k) on the launch and in mid-flight."""
+        return np.vstack([flight[self.held], expm(flight * time)[self.middles[0]]]) @ self.model.embed
+
+    def middle(self, contact: Array, time: float) -> Array:
+        """The conditions (r, k) in mid-contact."""
+        return expm(contact * time)[self.middles[1]] * np.array(self.model.contact_reversal.signs)
+
+    def guesses(self) -> list[SmallStep]:
+        """The small steps that satisfy all conditions but one best, the best first, of the numbers as they are."""
+        flight, contact = self._at({})
+        times = np.linspace(0, SMALL_STEPS.longest / np.abs(np.linalg.eigvals(flight)).min(), SMALL_STEPS.times)[1:]
+        rows = (self.conditions(flight, time) for time in times)
+        decompositions = [np.linalg.svd(each / np.linalg.norm(each, axis=1)[:, None]) for each in rows]
+        misfits, found = np.array([sizes[-1] / sizes[-2] for _, sizes, _ in decompositions]), list[SmallStep]()
+        middles = [self.middle(contact, time)[0] for time in times]
+        for i in np.flatnonzero((misfits[1:-1] < misfits[:-2]) & (misfits[1:-1] < misfits[2:])) + 1:
+            w = decompositions[i][2][-1]
+            signs = np.sign([row @ w for row in middles])
+            if len(changes := np.flatnonzero(signs[1:] != signs[:-1])):
+                found.append(SmallStep(times[i], times[changes[0]], -w / w[self.stuck], {}, misfits[i]))
+        return sorted(found, key=lambda each: each.misfit)
+
+    def solved(self, near: SmallStep, tuned: Sequence[str]) -> SmallStep | None:
+        """The small step near one, with the numbers that are tuned; None without convergence."""
+        free = [i for i in range(len(near.launch)) if i != self.stuck]
+
+        def step(z: Array) -> SmallStep:
+            launch = near.launch.copy()
+            launch[free] = z[2 : 2 + len(free)]
+            return near._replace(
+                flight=z[0],
+                contact=z[1],
+                launch=launch,
+                tuned=dict(zip(tuned, z[2 + len(free) :].tolist(), strict=True)),
+            )
+
+        def residual(z: Array) -> Array:
+            each = step(z)
+            flight, contact = self._at(each.tuned)
+            rows = self.conditions(flight, each.flight), self.middle(contact, each.contact)
+            return np.vstack(rows) @ each.launch
+
+        start = [near.flight, near.contact, *near.launch[free], *(self.p[name] for name in tuned)]
+        with np.errstate(all="ignore"):
+            try:
+                found = root(residual, start, options={"xtol": SMALL_STEPS.rounding})
+            except ValueError:  # numbers beyond all bounds
+                return None
+        here = step(found.x)
+        holds = np.abs(found.fun).max() < SMALL_STEPS.residual and min(here.flight, here.contact) > 0
+        return here._replace(misfit=float(np.abs(found.fun).max())) if holds else None
+
+    def _at(self, tuned: Mapping[str, float]) -> tuple[Array, Array]:
+        """The matrices of flight and contact with tuned numbers."""
+        flight, contact = self.matrices([*{**self.p, **tuned}.values()])
+        return flight.full(), contact.full()
+
+
+@cached
+def _matrices(model: Model, names: tuple[str, ...]) -> ca.Function:
+    """The matrices of flight and contact at the state at rest, functions of the parameters."""
+    p, found = ca.SX.sym("p", len(names)), []
+    for phase in (model.flight, model.contact):
+        x = ca.SX.sym("x", len(phase.states))
+        rates = ca.vertcat(*phase.field(ca.vertsplit(x), dict(zip(names, ca.vertsplit(p), strict=True)), []))
+        found.append(ca.densify(ca.substitute(ca.jacobian(rates, x), x, 0)))
+    return ca.Function("small_steps", [p], found)
+
+
+def small_steps(model: Model, p: Mapping[str, float], tuned: Sequence[str]) -> Iterator[dict[str, float]]:
+    """The unknowns of half orbits by name, with tuned numbers, where families of walks begin: those near the numbers
+    `p` first. Without as many tuned numbers as there are conditions in excess, small steps nearly satisfy them."""
+    steps, places = SmallSteps(model, p), model.launch_places
+    guesses = steps.guesses()
+    if len(tuned) == 2:
+        solved = sorted((each for near in guesses if (each := steps.solved(near, tuned))), key=lambda each: each.flight)
+        ways = [max(abs(np.log(abs(x / p[name]))) for name, x in each.tuned.items()) for each in solved]
+        nearest = sorted(range(len(solved)), key=lambda i: ways[i] + SMALL_STEPS.slower * i)
+        guesses = [solved[i] for i in nearest] or guesses
+    for found in guesses:
+        launch = {name: SMALL_STEPS.size * float(found.launch[place]) for name, place in places.items()}
+        yield {**launch, "duration": float(found.flight), "contact_duration": float(found.contact), **found.tuned}

@@ -1,0 +1,58 @@
+"""Where families of walks begin, against numbers that another program computed with thirty digits."""
+
+import numpy as np
+import pytest
+
+from orbits.periodic.small_steps import SmallSteps, small_steps
+from problems import walker
+
+
+@pytest.mark.parametrize(
+    ("design", "numbers"),
+    [
+        (
+            {"leg_mass": 0.1, "leg_centre": 1.0, "leg_inertia": 0.0},
+            {"T": 2.2804328747582771924, "J": 0.37651441529673177031, "rate": 2.9780492212091721879,
+             "D": 0.37668375396845587, "k": 0.4},
+        ),
+        (
+            {"leg_mass": 0.05, "leg_centre": 0.5, "leg_inertia": 0.05 / 12},
+            {"T": 2.185417019379132257, "J": 0.45260913211273761187, "rate": 2.5601496206182641272,
+             "D": 0.37082094392531044, "k": 0.475},
+        ),
+    ],
+)  # fmt: skip
+def test_families_begin_at_known_designs(design, numbers):
+    machine = walker(
+        **design, torso_height=0.0, torso_inertia=round(numbers["J"], 1), hip_stiffness=numbers["k"] + 0.01
+    )
+    steps = SmallSteps(machine.model, machine.values)
+    found = [steps.solved(near, ("torso_inertia", "hip_stiffness")) for near in steps.guesses()]
+    step = min((each for each in found if each), key=lambda each: abs(each.tuned["torso_inertia"] - numbers["J"]))
+    assert step.flight == pytest.approx(numbers["T"], abs=1e-11)
+    assert step.contact == pytest.approx(numbers["D"], abs=1e-11)
+    assert [*step.tuned.values()] == pytest.approx([numbers["J"], numbers["k"]], abs=1e-11)
+    places = machine.model.launch_places
+    assert step.launch[places["alpha"]] == pytest.approx(numbers["rate"], abs=1e-10)
+
+
+def test_the_double_stance_of_a_small_step_has_its_closed_form():
+    """tan(w D) = w phi/phi', with w^2 = 2 k/J, where the torso's centre of mass is the hip."""
+    machine = walker(leg_mass=0.05, leg_centre=0.5, leg_inertia=0.0, torso_inertia=0.4, hip_stiffness=0.5)
+    steps = SmallSteps(machine.model, machine.values)
+    step = steps.solved(steps.guesses()[0], ("torso_inertia", "hip_stiffness"))
+    places, frequency = (
+        machine.model.launch_places,
+        np.sqrt(2 * step.tuned["hip_stiffness"] / step.tuned["torso_inertia"]),
+    )
+    angle, rate = (step.launch[places[name]] for name in ("liftoff", "alpha"))
+    assert angle == pytest.approx(1 / (2 * step.tuned["hip_stiffness"]), abs=1e-12)
+    assert np.tan(frequency * step.contact) == pytest.approx(frequency * angle / rate, abs=1e-11)
+
+
+def test_the_nearest_and_then_the_fastest_small_steps_come_first():
+    machine = walker(leg_mass=0.1, leg_centre=1.0, leg_inertia=0.0, torso_inertia=0.38, hip_stiffness=0.4)
+    starts = [*small_steps(machine.model, machine.values, ("torso_inertia", "hip_stiffness"))]
+    assert starts[0]["duration"] == pytest.approx(2.2804328747582771924, abs=1e-11)
+    assert len(starts) > 1
+    assert all(start["angle"] == pytest.approx(-0.02) for start in starts)
