@@ -13,6 +13,7 @@ if TYPE_CHECKING:
         HeavyHand as HeavyHand,
         Hopper as Hopper,
         Juggler as Juggler,
+        alternating_hopper as alternating_hopper,
         chain_hand as chain_hand,
         hopper_in_si as hopper_in_si,
         inerter_hopper as inerter_hopper,

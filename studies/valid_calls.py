@@ -53,6 +53,7 @@ def _machines() -> dict[str, Callable[[], Any]]:
         "rocker": lambda: problems.rocking_block(inertia_ratio=1.0, gravity_ratio=0.5),
         "shuttle": lambda: problems.shuttle(inertia_ratio=1.0),
         "runner": problems.runner,
+        "two_feet": problems.alternating_hopper,
     }
 
 
@@ -73,6 +74,7 @@ BUILDERS: dict[str, dict[str, Any]] = {
     "shuttle": {"inertia_ratio": 1.0},
     "runner": {"foot_mass": 0.1, "rest_length": 3.7},
     "walker": {"leg_mass": 0.1, "torso_inertia": 0.42},
+    "alternating_hopper": {"foot_mass": 3.0, "rest_length": 45.0},
 }  # fmt: skip
 
 
@@ -128,7 +130,7 @@ def energies() -> dict[str, Any]:
 
 
 # Machines that the live page shows under these names.
-SCENES = ("juggler", "wheel", "rocker", "shuttle", "runner")
+SCENES = ("juggler", "wheel", "rocker", "shuttle", "runner", "alternating-hopper")
 # What a tab of the page sends.
 ACTS = """
 number spring gravity machine family floating rows rows-away branch noise along launch lowest undo stop place leave

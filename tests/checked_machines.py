@@ -7,6 +7,7 @@ from problems import (
     Chain,
     Hopper,
     Juggler,
+    alternating_hopper,
     chain_hand,
     hopper_in_si,
     inerter_hopper,
@@ -61,4 +62,5 @@ MACHINES = {
     "rocking block": rocking_block(angle=0.3, spring="r + r**3"),
     "shuttle": shuttle(angle=0.3, spring="r + r**3"),
     "runner": runner(),
+    "two feet": alternating_hopper(rest_length=45.0),
 }

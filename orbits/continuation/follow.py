@@ -13,6 +13,7 @@ from ..errors import InputError, NoOrbit, finite_number
 from ..model import Machine, machine_in_words
 from ..periodic import (
     METHOD,
+    LinearSearch,
     Orbit,
     Oscillation,
     OscillationFamily,
@@ -399,7 +400,7 @@ def _of_family(machine: Machine, family: int, method: str) -> Solved:
     """The solution of the orbit that `find` returns for a family. Where the first solution is taken for the lowest
     orbit, it is certified together with the points that follow."""
     search = machine.model.search and machine.model.search(machine.values)
-    if search is None or search.single:
+    if (search is None or search.single) and not LinearSearch.finds_families(machine):
         try:
             return solve_family(machine, family, method)
         except NoOrbit:

@@ -149,7 +149,10 @@ def starts(
         for spring, law in zip(springs, laws, strict=True)
     ]
     pairs, ranged = list(zip(laws, lines, strict=True)), bool(np.isfinite([law.range() for law in laws]).any())
-    linear = machine.with_springs([line.law(i) if line else law for i, (law, line) in enumerate(pairs)])
+    # Springs of one law have one straight line, so that what exchanges them still does.
+    forces = [spring.force for spring in springs]
+    places = [forces.index(force) for force in forces]
+    linear = machine.with_springs([line.law(i) if line else law for i, (law, line) in zip(places, pairs, strict=True)])
     search, mixes = LinearSearch.of(linear), any(lines)
     half_contact, half_flight = (
         longest if stated is None else stated
@@ -169,7 +172,8 @@ def starts(
             stopped = f"{LINEAR_STOPPED}: {over}"
         found = [start_from(machine, hop.liftoff, *hop[:2]) for hop in search.hops]
         if mixes and found:
-            mixed = machine.with_springs([_mixed(law, line, i) if line else law for i, (law, line) in enumerate(pairs)])
+            each = zip(places, pairs, strict=True)
+            mixed = machine.with_springs([_mixed(law, line, i) if line else law for i, (law, line) in each])
             try:
                 for way in _followed(mixed, found):
                     _report(progress, share + (1 - share) * way.share)

@@ -12,7 +12,7 @@ import numpy as np
 
 from ..errors import LARGEST_SEED, InputError, NoOrbit, OrbitsError, whole_number
 from ..model import Machine, check_parameters
-from ..periodic import Orbit, StartLike, check_start, continued_orbits, find
+from ..periodic import Orbit, StartLike, continued_orbits, find, start_or_own
 from ..result import Progress
 from ..running import exclusive, interrupts
 from ..symbolic import Formula
@@ -125,7 +125,7 @@ class Origin(NamedTuple):
         if isinstance(machine, TunedMachine):
             tuned, orbit = first_of_tuned(machine, start, family)
             return cls(family if start is None else orbit.family, tuned, orbit)
-        check_start(machine, start)
+        start = start_or_own(machine, start, family)
         return cls(family, machine, None if start is None else find(machine, start=start))
 
     def motions(self, machines: Sequence[Machine]) -> list[tuple[Machine, Orbit] | OrbitsError]:

@@ -103,15 +103,20 @@ class Simulation(Result, what="simulation", in_line=("status", "end", "source"))
 
     @cached_property
     def smallest_separation(self) -> float | None:
-        """The smallest separation of the masses, None without a rest length. Where it is not above 0 the masses pass
-        through each other, which the simulation ignores although no real machine can do so."""
-        embed, smallest = self.source.model.embed, []
-        if (separation := self._length(self.source.model.separation(self.source.values))) is None:
+        """The smallest separation of the masses, of a machine with two gaps also that of its image under the reversor;
+        None without a rest length. Where it is not above 0 the masses pass through each other, which the simulation
+        ignores although no real machine can do so."""
+        model, smallest = self.source.model, []
+        embed = model.embed
+        if (separation := self._length(model.separation(self.source.values))) is None:
             return None
         for leg in self.legs:
             rows = leg.path.coefficients
             states = rows[:, : len(embed)] if leg.phase == "flight" else embed @ rows[:, : embed.shape[1]]
             smallest.append(lowest(separation.series(states), leg.path.steps)[0])
+            if model.landing_gap and model.reversor:  # the same distance at the other foot
+                images = model.reversal.rows(states, self.source.values)
+                smallest.append(lowest(separation.series(images), leg.path.steps)[0])
         return min(smallest, default=None)
 
     @property

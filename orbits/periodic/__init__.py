@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from .cycle_shape import relabelled_back
     from .energy_changes import gradients
     from .family_orbits import another_family, family_number, lowest_of_family, solve_family
-    from .find import find, find_all
+    from .find import find, find_all, start_or_own
     from .fold_statement import fold_statement as fold_statement
     from .linear_hops import LinearSearch
     from .loss_coefficient import (

@@ -29,7 +29,7 @@ def lowest_of_family(machine: Machine, family: int, method: str, progress: Progr
     """The orbit of a family of least launch speed, as `find` finds it by a method."""
     model, began, orbits, refusal = machine.model, time.perf_counter(), tuple[Orbit, ...](), None
     search = model.search(machine.values) if model.search and model.reversor else None
-    if _hops_by_modes(machine):
+    if LinearSearch.finds_families(machine):
         hops = _hops_of_family(machine, family, method, None, progress)
         first = next(hops)
         return first if first.admissible else next((hop for hop in hops if hop.admissible), first)
@@ -71,7 +71,7 @@ def _all_of_family(
 ) -> tuple[Orbit, ...]:  # fmt: skip
     """All orbits of a family, as in `find_all`; a reason that is part of `refusal` already is not repeated."""
     model, p = machine.model, machine.values
-    if _hops_by_modes(machine):
+    if LinearSearch.finds_families(machine):
         return tuple(_hops_of_family(machine, family, method, fastest, progress))
     if not (model.search and model.reversor):
         remedy = "give find_all starts" if model.one_speed else "find_all(machine, starts(machine)) finds its hops"
@@ -106,14 +106,6 @@ def _all_of_family(
         LOGGER.warning("family %d may have more orbits than the %d found: %s", family, len(found), why)
     known = None if refused or incomplete(model, cells) else len(found)
     return tuple(replace(orbit, known_in_family=known) for orbit in found)
-
-
-def _hops_by_modes(machine: Any) -> bool:
-    """Whether the hops of a machine that steps follow from its modes of vibration: it is linear, and its launch has
-    several numbers."""
-    model = machine.model
-    linear = model.flight.closed_form is not None and hasattr(machine, "linear_equations")
-    return linear and not (model.plain or model.one_speed or model.sticks or model.reversor is None)
 
 
 def _hops_of_family(

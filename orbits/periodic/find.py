@@ -13,10 +13,11 @@ from ..running import exclusive, interrupts, time_limit
 from ..shooting import ENERGY_OF_CYCLE, method_of
 from .along_energy import find_oscillation
 from .family_orbits import family_number, orbits_of_family, same_orbit
+from .linear_hops import LinearSearch
 from .orbit import Orbit, start_in_file
 from .orbit_found import found_from
 from .oscillations import Oscillation
-from .start import StartLike
+from .start import StartLike, check_start
 
 
 @overload
@@ -101,6 +102,18 @@ def find(
     tuning = tuning_of(machine, tune, at)
     with interrupts.deferred(), time_limit(limit):
         return tuned_from(machine, number, start, method_of(machine.model, method), tuning, progress)
+
+
+def start_or_own(machine: Machine, start: Any, *families: int) -> Any:
+    """The start; without one the machine's own orbit, where the orbits of other machines are continued from one, and
+    None where each is found alone. Raises `InputError` and `NoOrbit` as `check_start`."""
+    check_start(machine, start)
+    if start is not None or not LinearSearch.finds_families(machine):
+        return start
+    if len(families) > 1:
+        name = machine.model.name
+        raise InputError(f"family = {families}: orbits of a {name} are continued from one: sweep one family at a time")
+    return find(machine, *families)
 
 
 @exclusive

@@ -80,6 +80,14 @@ class LinearSearch:
         contact, flight = (float(2 * np.pi / each.min(initial=np.inf)) for each in rates)
         self.periods = contact, flight
 
+    @staticmethod
+    def finds_families(machine: Any) -> bool:
+        """Whether `find` searches the hops of a machine: one that steps, is linear, and whose launch has several
+        numbers."""
+        model = machine.model
+        linear = model.flight.closed_form is not None and hasattr(machine, "linear_equations")
+        return linear and not (model.plain or model.one_speed or model.sticks or model.reversor is None)
+
     @classmethod
     def of(cls, machine: Any) -> "LinearSearch":
         """The search for the hops of a linear `Mechanism`, whose gap that lands may be the image of the one that

@@ -7,6 +7,7 @@ from typing import TypeAlias
 from ..errors import InputError, finite_number
 from ..model import STEP_LENGTH, Machine, Model, refuse_hysteresis, refuse_one_way
 from ..units import TIME, Message, Quantity
+from .linear_hops import LinearSearch
 from .orbit import Orbit
 
 # An orbit nearby, the unknowns of a half orbit by name, or the name of a file of an orbit.
@@ -21,6 +22,8 @@ def check_start(machine: Machine, start: object) -> None:
     model = machine.model
     refuse_hysteresis(model)
     refuse_one_way(model)
+    if LinearSearch.finds_families(machine):
+        return
     if start is None and model.conservative and not (model.is_guessed or model.search):
         raise InputError(
             f"no guess of the families of a {model.name} is known: give an orbit of it as start="

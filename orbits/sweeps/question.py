@@ -12,7 +12,7 @@ from ..design import columns_of_tuned, formula_names, known_formula, names_toget
 from ..errors import InputError, list_of_names, range_of
 from ..io import Document
 from ..model import Machine, machine_in_words
-from ..periodic import Orbit, Tuning, beyond_model, check_start, family_number, find, start_in_file, unknowns_of_start
+from ..periodic import Orbit, Tuning, beyond_model, family_number, find, start_in_file, start_or_own, unknowns_of_start
 from ..running import exclusive
 from ..shooting import method_of
 from .designs import Axis, Members
@@ -173,7 +173,7 @@ def question_of(
         if outcome != "find" or start is not None or tuning:
             raise InputError(f"method = '{method}' finds orbits by their family: leave out start, tune and at")
     if outcome == "find" and not machine.model.sticks:  # runs are guessed near vertical hops
-        check_start(machine, start)
+        start = start_or_own(machine, start, *families)
     if outcome != "find" and (quantities or families != (1,)):
         raise InputError(f"outcome = {outcome!r} has no families and no quantities: leave them out")
     if outcome != "find" and not machine.model.one_speed:

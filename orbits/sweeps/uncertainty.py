@@ -9,7 +9,7 @@ import numpy as np
 from ..design import sensitivities
 from ..errors import InputError, list_of_names, whole_number
 from ..model import Machine, check_machine, free_parameters
-from ..periodic import StartLike, check_start, find
+from ..periodic import StartLike, find, start_or_own
 from ..result import Axes, Result, shown
 from .designs import members_of
 from .sweep import sweep as swept
@@ -85,7 +85,7 @@ def uncertainty(
     whole_number("samples", samples, "members", least=2)
     over = over.distributions() if hasattr(over, "distributions") else over
     uncertain = _uncertain(over, samples, seed, machine)
-    check_start(machine, start)
+    start = start_or_own(machine, start, family)
     orbit = find(machine, family) if start is None else find(machine, start=start)
     quantities = list_of_names("quantities", quantities)
     texts = [*dict.fromkeys(("alpha", "flight_time", *quantities))]

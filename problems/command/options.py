@@ -36,12 +36,14 @@ POSITIVE = click.FloatRange(0, min_open=True)
 machine_options = combined(
     click.option(
         "--machine",
-        metavar="hopper|juggler|wheel|rocker|shuttle|runner|walker|FILE.toml",
-        help="Kind of machine, or a file that states it. A wheel, a rocker and a shuttle step. They take "
+        metavar="KIND|FILE.toml",
+        help="Kind of machine: hopper (the default), juggler, wheel, rocker, shuttle, runner, walker or "
+        "alternating-hopper; or a file that states it. A wheel, a rocker and a shuttle step. They take "
         "--set inertia_ratio=J/A and gravity_ratio=M*g*l/k (M*g*h/k for a rocker). Their angles are small unless you "
         "set angle=a in rad, which is half the angle between spokes or walls (tan a = b/h for a rocker). A runner "
         "takes --set foot_mass=M, rest_length=L, inertia=I, hip_stiffness=K and its other parameters, a walker "
-        "--set leg_mass=M, leg_centre=D, torso_inertia=J, hip_stiffness=K and others.",
+        "--set leg_mass=M, leg_centre=D, torso_inertia=J, hip_stiffness=K and others, and an alternating-hopper "
+        "--set foot_mass=M and --rest-length L.",
     ),
     click.option(
         "--mass-ratio",
@@ -349,10 +351,11 @@ def with_first_values(stated: dict[str, Any], axes: dict[str, object], table: An
 
 def started(machine: "MachineOfFile", hop: str | None) -> str | None:
     """The orbit's file of --start, for functions that take `start=`; raises `InputError` where it is missing for a
-    machine whose launch has several numbers."""
+    machine whose launch has several numbers and whose orbits are not found without it."""
     from orbits.errors import InputError
+    from orbits.periodic import LinearSearch
 
-    if hop is None and not ((model := machine.model).one_speed or model.sticks):
+    if hop is None and not ((model := machine.model).one_speed or model.sticks or LinearSearch.finds_families(machine)):
         names = ", ".join(model.launch_unknowns)
         raise InputError(
             f"a launch of this {model.name} has several numbers, {names}: give a saved orbit, --start FILE; in "
@@ -365,15 +368,16 @@ def launches_of(machine: "MachineOfFile", hop: str | None, alpha: Any) -> Any:
     """The launches of --alpha and --start, for `simulate` and the map: speeds, or the launch of an orbit with its own
     speed or with those; raises `InputError` for neither, and where --start is missing."""
     from orbits.errors import InputError
-    from orbits.periodic import start_in_file, unknowns_of_start
+    from orbits.periodic import LinearSearch, find, start_in_file, unknowns_of_start
     from orbits.returns import ReturnMap
 
     started(machine, hop)
     if hop is None and alpha is None:
         raise InputError("give a launch: --alpha A, or --start FILE for the launch of a saved orbit")
-    if hop is None or (alpha is not None and machine.model.one_speed):
+    found = hop is None and LinearSearch.finds_families(machine)
+    if not found and (hop is None or (alpha is not None and machine.model.one_speed)):
         return alpha
-    known = unknowns_of_start(machine, start_in_file(hop))
+    known = unknowns_of_start(machine, find(machine) if hop is None else start_in_file(hop))
     own = known if alpha is None else {**known, "alpha": alpha}
     return own["alpha"] if machine.model.one_speed else {name: own[name] for name in ReturnMap(machine).names}
 
@@ -540,7 +544,7 @@ def statement_of(
     """
     from orbits.errors import InputError
 
-    from ..machines import GROUND_PARAMETERS, KINDS, MASSES, STEPPING, read, si_keys_of
+    from ..machines import GROUND_PARAMETERS, KINDS, MASSES, SAME_IN_SI, STEPPING, read, si_keys_of
 
     statement: dict[str, Any] = {"machine": machine or "hopper"}
     where = "the options"
@@ -550,7 +554,8 @@ def statement_of(
             raise InputError(f"--machine {machine!r} must be a .toml file, or one of {known}")
         statement, where = read(machine), machine
     if masses is not None:
-        if statement.get("machine") in STEPPING:
+        names = MASSES.get(str(statement.get("machine", "hopper")), MASSES["hopper"])
+        if statement.get("machine") in STEPPING and not {*names} <= {*si_keys_of(statement)}:
             raise InputError(
                 f"--masses {masses!r}: only hopping machines have them; a {statement['machine']} needs a table [si]"
             )
@@ -558,12 +563,11 @@ def statement_of(
             raise InputError(f"--masses {masses!r}: {where} states a machine without units; give it a table [si]")
         if len(each := numbers("--masses", masses, float)) != 2:
             raise InputError(f"--masses {masses!r} is not of the form KG,KG: the upper mass and the lower one")
-        names = MASSES.get(str(statement.get("machine", "hopper")), MASSES["hopper"])
         statement["si"] = {**statement.get("si", {}), **dict(zip(names, each, strict=True))}
     if first is not None:
         settings = [setting for setting in settings if not sets(setting, first[0])]
     own = {name: value for name, value in stated.items() if value is not None}
-    if "stiffness" in own and "si" not in statement and statement.get("machine") != "runner":
+    if "stiffness" in own and "si" not in statement and statement.get("machine") not in SAME_IN_SI:
         stated_in = (
             "a machine without units has the stiffness 1; state it in SI, by --masses KG,KG or by [si] in its file"
         )

@@ -8,6 +8,7 @@ from typing import TypeAlias
 from orbits.errors import OrbitsError
 from orbits.model import Machine, free_parameters, machine_in_words
 
+from ..machines import SAME_IN_SI
 from .scene import Scene
 
 SPAN = 10.0  # the slider of a scale parameter reaches this factor down and up
@@ -59,7 +60,7 @@ def dials_of(machine: Machine, scene: Scene) -> list[Dial]:
         return True
 
     if scene.steps:
-        units = UNITS_OF_STEPS if not scene.tuned else UNITS_OF_RUNNERS if scene.si else {}
+        units = UNITS_OF_STEPS if scene.machine not in SAME_IN_SI else UNITS_OF_RUNNERS if scene.si else {}
         span, ways = (SPAN_OF_RUNNERS, {}) if scene.tuned else (SPAN, WAYS_OF_STEPS)
         numbers = {name: value for name, value in scene.numbers.items() if name not in scene.tuned}
         return [_dial(exists, name, value, units.get(name, ""), ways, span) for name, value in numbers.items()]

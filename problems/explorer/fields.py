@@ -10,6 +10,7 @@ from typing import Any
 from orbits.errors import InputError
 
 from ..laws import gravity as gravities, springs
+from ..machines import SAME_IN_SI
 from .dials import Dial
 from .scene import BEGINNINGS, PYTHON_MACHINE, DroppedRows, Scene, beginning
 
@@ -24,10 +25,12 @@ KINDS_IN_WORDS = {
     "rocker": "rocking block",
     "shuttle": "shuttle",
     "runner": "runner",
+    "alternating-hopper": "hopper on two feet",
     "wheel si": "rimless wheel, in SI",
     "rocker si": "rocking block, in SI",
     "shuttle si": "shuttle, in SI",
     "runner si": "runner, in SI",
+    "alternating-hopper si": "hopper on two feet, in SI",
 }
 OFFERED_FAMILIES = 12
 REST_LENGTHS = {False: 10.0, True: 1.0}  # defaults for a spring without one, by whether it is in SI
@@ -71,7 +74,7 @@ def _free_number(scene: Scene) -> str | None:
     """The number that a machine may be without, as one with a spring that is long enough, or with small angles."""
     if scene.fixed_laws or scene.tuned or (scene.steps and scene.si):
         return None
-    return "angle" if scene.steps else "rest_length"
+    return "angle" if scene.steps and scene.machine not in SAME_IN_SI else "rest_length"
 
 
 def dial_label(name: str) -> str:

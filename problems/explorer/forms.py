@@ -13,14 +13,13 @@ from urllib.parse import urlencode
 from orbits.errors import InputError
 
 from ..laws import HYSTERETIC_KINDS
-from ..machines import MASSES, RATIOS, SI_KEYS, SI_KEYS_OF_STEPS, STEPPING
+from ..machines import MASSES, RATIOS, SAME_IN_SI, SI_KEYS, SI_KEYS_OF_STEPS, STEPPING
 from .scene import (
     BEGINNINGS,
     LARGEST,
     LINEAR_IN_SI,
     LOSSES,
     PYTHON_MACHINE,
-    RUNNER,
     DroppedRows,
     Scene,
     beginning,
@@ -217,7 +216,7 @@ def python_lines(scene: Scene) -> str:
     if scene.start is not None:
         known = dict(zip(scene.start_names, scene.start, strict=True))
         named = f"dict({', '.join(f'{name}={value!r}' for name, value in known.items())})"
-        start = f", start={known!r}" if scene.tuned else f", start={named}"
+        start = f", start={named if all(map(str.isidentifier, known)) else repr(known)}"
     tuned = f", tune={scene.tuned!r}, at={scene.prescribed!r}" if scene.tuned else ""
     find = f"orbit = find(machine, family={scene.family}{tuned}{start})\nprint(orbit)\n"
     if scene.fixed_laws:
@@ -233,12 +232,12 @@ def python_lines(scene: Scene) -> str:
     arguments = []
     if scene.steps:
         maker, parameters = STEPPING[kind].__name__, parameters or {}
-        names = (*RATIOS, "friction") if kind != RUNNER else SI_KEYS_OF_STEPS[RUNNER]
+        names = SI_KEYS_OF_STEPS[kind] if kind in SAME_IN_SI else (*RATIOS, "friction")
         own = si or {name: parameters[name] for name in names if name in parameters}
         parameters = {name: value for name, value in parameters.items() if name not in own}
         arguments += [f"{name}={value!r}" for name, value in own.items()]
         arguments += [f"spring={stated['spring']!r}"] if "spring" in stated else []
-        arguments += ["in_si=True"] if kind == RUNNER and si else []
+        arguments += ["in_si=True"] if kind in SAME_IN_SI and si else []
     elif si is not None:
         arguments += [repr(si[name]) for name in MASSES[kind]]
         arguments += [f"force={stated['spring']!r}"] if "spring" in stated else []

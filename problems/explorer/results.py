@@ -17,7 +17,7 @@ from orbits.show import FamilyData, HopData, LawData, MapData, family_data, hop_
 from orbits.tables import number_text
 
 from .dials import Dial, dials_of
-from .scene import START_OF_HOP, START_OF_RUN, Scene
+from .scene import RUNNER, STARTS, Scene
 
 
 class ResultOptions(NamedTuple):
@@ -89,14 +89,14 @@ def hop_results(python_machine: object, scene: Scene, with_dials: bool) -> Itera
 
 def start_of(machine: Machine, orbit: Orbit | Point) -> tuple[float, ...]:
     """The start that a scene stores to find an `Orbit`, or a family's `Point`, again."""
-    names = START_OF_RUN if machine.model.sticks else START_OF_HOP
+    names = STARTS[RUNNER] if machine.model.sticks else machine.model.half_unknowns
     known = (
         stated_unknowns(machine.model, orbit)
         if isinstance(orbit, Orbit)
         else {"duration": 0.0, **dict(zip(names, orbit.u, strict=False))}
     )
     start = tuple(known[name] * (machine.units.of(name) if machine.units else 1.0) for name in names)
-    return start if machine.model.sticks else (start[0], orbit.alpha, orbit.flight_time / 2)
+    return (start[0], orbit.alpha, orbit.flight_time / 2) if machine.model.one_speed else start
 
 
 @dataclass(frozen=True, eq=False)
@@ -240,10 +240,11 @@ def _ending(family: Family, place: int, end: End) -> str:
 
 def map_results(python_machine: object, scene: Scene) -> Iterator[MapData]:
     """The return map around a scene's hop with its cobweb, then the same with the basin of lossless hops."""
-    if scene.tuned:
-        raise InputError("the launch of a runner has several numbers, and this page draws the map of a single one")
     plain = replace(scene, launch=None, along="")
     machine = scene.build(python_machine)
+    if not machine.model.one_speed:
+        name = machine.model.name
+        raise InputError(f"the launch of a {name} has several numbers, and this page draws the map of a single one")
     orbit = _orbit_of_scene(machine, plain)
     if orbit.shape.steps:
         for samples in RESULTS.samples_beside:

@@ -21,7 +21,18 @@ from orbits.symbolic import parse, suggest
 from orbits.units import STANDARD_GRAVITY
 
 from ..laws import gravity as gravities, springs
-from ..machines import KINDS, MASSES, SI_KEYS, SI_KEYS_OF_STEPS, SI_PARAMETERS, STEPPING, AnyMachine, MachineInSI, build
+from ..machines import (
+    KINDS,
+    MASSES,
+    SAME_IN_SI,
+    SI_KEYS,
+    SI_KEYS_OF_STEPS,
+    SI_PARAMETERS,
+    STEPPING,
+    AnyMachine,
+    MachineInSI,
+    build,
+)
 
 # A machine passed to `explore` that no statement makes.
 PYTHON_MACHINE = "given"
@@ -34,9 +45,15 @@ LOSSES = ("restitution", "damping", "drag")
 OPTIONAL_OF_STEPS = ("friction", "share", "slope")
 # A lossless run has a stated speed, for which two numbers of the runner are tuned; where its search begins, by name.
 RUNNER, TUNED_OF_RUNNERS, SPEED_OF_RUN = "runner", ("inertia", "hip_stiffness"), "speed"
-OPTIONAL_OF_RUNNERS = {True: ("friction",), False: ("friction", "body_mass", "stiffness", "surface_gravity")}
+TWO_FEET = "alternating-hopper"
+# Numbers that other machines may be without, those without units and all.
+OPTIONAL_WITHOUT_UNITS = ("body_mass", "stiffness", "surface_gravity")
+OPTIONAL = {RUNNER: ("friction",), TWO_FEET: ("rest_length",)}
 START_OF_HOP = ("liftoff", "alpha", "duration")
-START_OF_RUN = ("liftoff", "alpha", "theta", "theta'", "phi", "phi'", "duration", "contact_duration", "step")
+STARTS = {
+    RUNNER: ("liftoff", "alpha", "theta", "theta'", "phi", "phi'", "duration", "contact_duration", "step"),
+    TWO_FEET: ("liftoff", "alpha", "half", "half'", "duration", "contact_duration"),
+}
 
 
 class SceneOptions(NamedTuple):
@@ -116,6 +133,17 @@ BEGINNINGS: dict[tuple[str, bool], dict[str, Any]] = {
         "along": SPEED_OF_RUN,
         "numbers": {"body_mass": 70.0, "foot_mass": 7.0, "rest_length": 0.9, "stiffness": 2800.0, "inertia": 24.0}
         | {"hip_stiffness": 900.0, "surface_gravity": STANDARD_GRAVITY, SPEED_OF_RUN: 0.7},
+    },
+    (TWO_FEET, False): {
+        "spring": LINEAR_IN_SI,
+        "along": "foot_mass",
+        "numbers": {"foot_mass": 4.0, "rest_length": 45.0},
+    },
+    (TWO_FEET, True): {
+        "spring": LINEAR_IN_SI,
+        "along": "foot_mass",
+        "numbers": {"body_mass": 5.0, "foot_mass": 20.0, "stiffness": 2500.0, "rest_length": 1.0}
+        | {"surface_gravity": STANDARD_GRAVITY},
     },
 }
 
@@ -253,7 +281,7 @@ class Scene:
     @property
     def start_names(self) -> tuple[str, ...]:
         """The names of the unknowns of a start."""
-        return START_OF_RUN if self.machine == RUNNER else START_OF_HOP
+        return STARTS.get(self.machine, START_OF_HOP)
 
     @property
     def hop(self) -> "Scene":
@@ -286,8 +314,8 @@ class Scene:
         """The complete scene of a machine that steps."""
         free = (*(() if self.si else ("angle",)), *OPTIONAL_OF_STEPS)  # without units no angle is for small ones
         own, in_spring = BEGINNINGS[self.machine, self.si]["numbers"], _names_in(self.spring)
-        if self.machine == RUNNER:
-            free = OPTIONAL_OF_RUNNERS[self.si]
+        if self.machine in SAME_IN_SI:
+            free = (*OPTIONAL.get(self.machine, ()), *(() if self.si else OPTIONAL_WITHOUT_UNITS))
             if in_spring.pop("stiffness", None) is None and self.spring.replace(" ", "") != LINEAR_IN_SI:
                 own, free = ({n: own[n] for n in own if n != "stiffness"}, tuple(n for n in free if n != "stiffness"))
         needed = {name: value for name, value in own.items() if name not in free}

@@ -15,12 +15,18 @@ DOES = {
     "wheel": ("it walks over level ground", "each foot is at rest as it touches the ground"),
     "rocker": ("it rocks from edge to edge", "each edge is at rest as it touches the ground"),
     "shuttle": ("it goes from wall to wall", "it is at rest as it touches each"),
+    "alternating-hopper": (
+        "it hops on one foot and the other by turns",
+        "each foot is at rest as it touches the ground",
+    ),
     "runner": ("it runs over level ground", "its foot is at rest as it touches the ground, and sticks"),
 }
 IT_STEPS = ("it steps on", "what lands is at rest as it touches")
 IT_HOPS = ("it hops", "its foot is at rest as it touches the ground")
 # The two words in the title of the figures that need one, and what the launch speed is, by the kind of machine.
-LAUNCH_SPEEDS = dict.fromkeys(("hopper", "inerter_hopper", "runner"), "of the body as its foot lifts off")
+LAUNCH_SPEEDS = dict.fromkeys(
+    ("hopper", "inerter_hopper", "runner", "alternating-hopper"), "of the body as its foot lifts off"
+)
 LAUNCH_SPEEDS |= {"juggler": "at which the ball leaves the hand", "knee_hopper": "of its knee as its foot lifts off"}
 ON_TITLE = "alpha is the launch speed, {}. In family {} the spring turns back {} on the way to the middle of the {}."
 NONE_YET, NOT_FOUND = "The first motion is being found.", "No motion is found for these numbers."

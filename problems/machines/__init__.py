@@ -5,12 +5,14 @@ from typing import TYPE_CHECKING
 from orbits.public_names import public_names
 
 if TYPE_CHECKING:
+    from .alternating_hopper import alternating_hopper
     from .chain import Chain
     from .chain_hand import chain_hand
     from .files import (
         GROUND_PARAMETERS,
         KINDS,
         MASSES,
+        SAME_IN_SI,
         SI_KEYS,
         SI_KEYS_OF_STEPS,
         SI_PARAMETERS,

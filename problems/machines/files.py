@@ -15,7 +15,8 @@ mass = 2.0
 stiffness = 50.0
 
 a machine that steps, "wheel", "rocker" or "shuttle", by its ratios or, in [si], by the arguments of its function in
-`problems.machines.steps`, and a "runner" or "walker" by those of its function in [parameters] or in [si],
+`problems.machines.steps`, and a "runner", "walker" or "alternating-hopper" by those of its function in [parameters] or
+in [si],
 
 machine = "wheel"               machine = "wheel"
 spring = "r + beta*r**3"        [si]
@@ -56,6 +57,7 @@ from orbits.io import conform, read_file
 from orbits.mechanics import Ground
 from orbits.symbolic import suggest
 
+from .alternating_hopper import alternating_hopper
 from .hopper import Hopper
 from .juggler import Juggler
 from .runner import runner
@@ -70,8 +72,11 @@ MachineOfFile: TypeAlias = "AnyMachine | Mechanism"
 KINDS: dict[str, type[TwoMassMachine]] = {"hopper": Hopper, "juggler": Juggler}
 MASSES = {"hopper": ("body_mass", "foot_mass"), "juggler": ("ball_mass", "hand_mass")}
 STEPPING: dict[str, Callable[..., Mechanism]] = {
-    **{"wheel": rimless_wheel, "rocker": rocking_block, "shuttle": shuttle, "runner": runner, "walker": walker}
+    **{"wheel": rimless_wheel, "rocker": rocking_block, "shuttle": shuttle, "runner": runner, "walker": walker},
+    "alternating-hopper": alternating_hopper,
 }
+# Those that have the same numbers without units as in SI.
+SAME_IN_SI = tuple(kind for kind, build in STEPPING.items() if "in_si" in signature(build).parameters)
 SI_KEYS_OF_STEPS = {
     kind: [
         name
@@ -206,12 +211,13 @@ def _build(statement: dict[str, Any]) -> MachineOfFile:
 def _stepping_machine(kind: str, statement: dict[str, Any]) -> Mechanism:
     """A machine that steps. Those of its own numbers that are keys of machines that hop, as a rest length, may be keys
     too."""
-    by_flag = "in_si" in signature(STEPPING[kind]).parameters
-    own_names = SI_KEYS_OF_STEPS[kind] if by_flag else (*RATIOS, "friction")
+    own_names = SI_KEYS_OF_STEPS[kind] if kind in SAME_IN_SI else (*RATIOS, "friction")
     known = [name for name in own_names if name in signature(STEPPING[kind]).parameters]
     apart = {name: statement[name] for name in OWN_KEYS if name in statement and name in known}
+    article = "an" if kind[0] == "a" else "a"
     if other := [name for name in statement if name in KEYS and name not in (*KEYS_OF_STEPS, *apart)]:
-        raise InputError(f"'{other[0]}' belongs to machines that hop: a {kind} has {', '.join(known)} and a spring")
+        has = f"{article} {kind} has {', '.join(known)} and a spring"
+        raise InputError(f"'{other[0]}' belongs to machines that hop: {has}")
     values, own = dict(statement.get("parameters", {})), statement.get("si")
     if both := [name for name in apart if name in (values if own is None else own)]:
         raise InputError(f"'{both[0]}' is stated twice")
@@ -219,7 +225,7 @@ def _stepping_machine(kind: str, statement: dict[str, Any]) -> Mechanism:
         own = {name: values.pop(name) for name in known if name in values}
     else:
         _check_keys("[si]", own, si_keys_of(statement))
-        own = {**own, **({"in_si": True} if by_flag else {})}
+        own = {**own, **({"in_si": True} if kind in SAME_IN_SI else {})}
     own |= apart
     spring = {"spring": statement["spring"]} if "spring" in statement else {}
     return STEPPING[kind](**own, **spring, parameters=values)

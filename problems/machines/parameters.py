@@ -38,3 +38,22 @@ def with_parameters(
     values = stated_numbers(parameters)
     refuse_taken(own, values, what)
     return {**own, **values}
+
+
+def own_numbers(kind: str, stated: Mapping[str, float | None], usual: Mapping[str, float]) -> dict[str, float]:
+    """The numbers of a kind of machine, with the usual ones in place of None; raises `InputError` unless all are
+    above 0."""
+    own = {name: number(name, usual[name] if value is None else value) for name, value in stated.items()}
+    for name, value in own.items():
+        if not value > 0:
+            raise InputError(f"{name} = {value:g}; for {kind} it must lie above 0")
+    return own
+
+
+def refuse_missing(
+    kind: str, stated: Mapping[str, float | None], units: Mapping[str, str], used: Collection[str]
+) -> None:
+    """Raise `InputError` for a machine in SI that does not state a number it uses."""
+    if missing := [name for name in units if name in used and stated.get(name) is None]:
+        needed = ", ".join(f"{name} ({units[name]})" for name in missing)
+        raise InputError(f"{kind} in SI needs {needed}: only {kind} without units has default values")

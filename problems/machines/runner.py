@@ -21,12 +21,12 @@ from collections.abc import Mapping
 from math import inf
 
 from orbits import Mechanism
-from orbits.errors import InputError, true_or_false
-from orbits.laws import LawLike, number
+from orbits.errors import true_or_false
+from orbits.laws import LawLike
 from orbits.mechanics import Body, Drawing, Joint, Mass, Outline, Spring
 
 from ..laws import as_spring
-from .parameters import gravity_in_si, refuse_taken, stated_numbers, with_parameters
+from .parameters import gravity_in_si, own_numbers, refuse_missing, refuse_taken, stated_numbers, with_parameters
 
 HIP = ("x + l*sin(theta)", "z + l*cos(theta)")
 # The numbers of a runner without units where they are not stated, and the units of those in SI.
@@ -85,20 +85,15 @@ def runner(
         "body_mass": body_mass, "foot_mass": foot_mass, "inertia": inertia, "stiffness": stiffness,
         "hip_stiffness": hip_stiffness, "rest_length": rest_length, "surface_gravity": gravity,
     }  # fmt: skip
-    own = {name: number(name, WITHOUT_UNITS[name] if value is None else value) for name, value in stated.items()}
-    if friction is not None:
-        own["friction"] = number("friction", friction)
-    for name, value in own.items():
-        if not value > 0:
-            raise InputError(f"{name} = {value:g}; for a runner it must lie above 0")
+    stated |= {} if friction is None else {"friction": friction}
+    own = own_numbers("a runner", stated, WITHOUT_UNITS)
     values = stated_numbers(parameters)
     refuse_taken(["step"], values, "a number of each run, which is not stated")
     known = with_parameters(own, values)
     leg, hip = (as_spring(law, known, shared=True) for law in (spring, hip_spring))
     used = {*own} - {"stiffness", "hip_stiffness"} | {*leg.key.names, *hip.key.names, *values}
-    if in_si and (missing := [name for name in UNITS_OF_RUNNER if name in used and stated[name] is None]):
-        needed = ", ".join(f"{name} ({UNITS_OF_RUNNER[name]})" for name in missing)
-        raise InputError(f"a runner in SI needs {needed}: only a runner without units has default values")
+    if in_si:
+        refuse_missing("a runner", stated, UNITS_OF_RUNNER, used)
     return Mechanism(
         name="runner",
         coordinates=("x", "z", "l", "theta", "phi"),

@@ -40,9 +40,6 @@ TWO_FEET = Mechanism(
     gaps={"left": "mean + half", "right": "mean - half"}, reversor={"half": "-half"}, symmetry={"half": "-half"},
     parameters={"m": 4.0}, launch="body", name="body on two feet",
 )  # fmt: skip
-# Near its lift-off of the left foot.
-LIFTED_FOOT = dict(zip(("liftoff", "alpha", "half", "half'", "duration", "contact_duration"),
-                       (4.0, 42.38, -4.83, 4.1, 1.06, 1.06), strict=True))  # fmt: skip
 # A machine has a spring and a gap: a spring without stiffness does nothing, and a mass that falls from afar lands late.
 PASSIVE_WHEEL = Mechanism(
     ("phi", "theta"),
@@ -181,7 +178,7 @@ ORBITS: dict[str, tuple[Callable[[], Orbit], Coordinates]] = {
         same("body", "foot", "plate"),
     ),
     "alternating_hopper": (
-        lambda: find(TWO_FEET, start=LIFTED_FOOT),
+        lambda: find(TWO_FEET),
         {**same("body"), "left": {"mean": 1.0, "half": 1.0}, "right": {"mean": 1.0, "half": -1.0}},
     ),
     "wheel_small": (lambda: find(rimless_wheel()), ANGLES),

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from orbits import Orbit, find, find_all, simulate, starts
-from problems import Chain, Hopper, Juggler, inerter_hopper, knee_hopper, plate_hopper
+from problems import Chain, Hopper, Juggler, alternating_hopper, inerter_hopper, knee_hopper, plate_hopper
 
 HOPS, MANY, MOST_DRIFT = 80, 200, 1e-10
 LONG = ("hopper in varying gravity", "knee hopper")
@@ -37,6 +37,10 @@ MACHINES = {
 }
 SEVERAL_SPEEDS = {
     "chain": softly(Chain((1, 1, 1))),
+    "hopper on two feet": (
+        alternating_hopper(3.0, spring="stiffness*r + b*r**3", parameters={"b": 1e-5}),
+        alternating_hopper(3.0),
+    ),
     "plate hopper": (
         plate_hopper((1.0, 1.0, 2.0), "r + b*r**3", parameters={"plate_stiffness": 5.0, "b": 0.01}),
         plate_hopper((1.0, 1.0, 2.0), parameters={"plate_stiffness": 5.0}),

@@ -33,6 +33,8 @@ SCENES |= {
     "small rocker": Scene("rocker", numbers={"inertia_ratio": 0.7, "gravity_ratio": 0.5}, family=2),
     "runner": beginning("runner"),
     "runner in SI": beginning("runner", True).with_numbers(friction=0.5).complete(),
+    "two feet": beginning("alternating-hopper"),
+    "two feet in SI": beginning("alternating-hopper", True),
     "cubic shuttle": replace(beginning("shuttle"), spring="r + beta*r**3").complete(),
 }
 given = pytest.mark.parametrize("scene", SCENES.values(), ids=SCENES)
