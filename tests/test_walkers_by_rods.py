@@ -6,9 +6,28 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from conftest import slow_after
 from rods import on_two_legs, point
 
+from orbits import find
+from problems import walker
+
 CASES = Path(__file__).parent.parent / "studies" / "exact_orbits" / "cases"
+# Walkers at random: leg_mass, leg_centre, leg_inertia, torso_height, leg_spring, the angle at landing, and two digits
+# of torso_inertia and hip_stiffness, which an earlier search by shooting found.
+WALKERS = [
+    (0.0285, 0.8446, 0.00259, 0.0722, 0.0, 0.4433, 0.63, 0.40),
+    (0.1258, 1.0, 0.0, 0.0, 0.0755, 0.1931, 0.046, 0.22),  # the standing leg turns back in mid-stance
+    (0.1122, 0.9929, 0.00404, 0.0, 0.0, 0.5327, 0.59, 0.37),
+    (0.1155, 0.6252, 0.01152, 0.1856, 0.0, 0.3277, 1.8, 0.39),
+    (0.1016, 0.6498, 0.00258, 0.2765, 0.0569, 0.2346, 0.81, 0.26),  # double stance needs most friction
+    (0.0312, 1.0, 0.0, 0.0, 0.0415, 0.584, 1.2, 0.36),
+    (0.0315, 0.4287, 0.00182, 0.0, 0.0968, 0.4942, 0.52, 0.27),
+    (0.184, 0.5414, 0.0116, 0.0131, 0.0, 0.1378, 0.075, 0.32),
+    (0.0558, 0.864, 0.00199, 0.059, 0.1645, 0.2132, 0.75, 0.10),
+    (0.0902, 0.4244, 0.00784, 0.0601, 0.0643, 0.5287, 0.64, 0.27),
+    (0.1386, 0.5081, 0.00944, 0.0, 0.1267, 0.2551, 0.17, 0.17),
+]
 
 
 def stepped(leg, body, angle, rates, times, stiffness=0.0, leg_spring=0.0):
@@ -19,7 +38,7 @@ def stepped(leg, body, angle, rates, times, stiffness=0.0, leg_spring=0.0):
     with the legs' rates exchanged. The drift of the pins and of the energy bounds the error of the integration.
     """
     one, both, other = (on_two_legs(leg, body, ends, stiffness, leg_spring) for ends in ((0,), (0, 1), (1,)))
-    half_stance, double_stance = np.linspace(0, times[0], 101), np.linspace(0, 2 * times[1], 101)
+    half_stance, double_stance = np.linspace(0, times[0], 401), np.linspace(0, 2 * times[1], 401)
     first = one.move(one.hung(np.zeros(3), rates), half_stance)
     second = both.move(first[-1], double_stance)
     third = other.move(second[-1], half_stance)
@@ -81,3 +100,16 @@ def test_the_exact_brachiator():
 def test_arms_of_another_inertia_do_not_pass():
     with pytest.raises(AssertionError):
         swung((0.25, 0.5, 0.0208), (0.5, 0.0, 1.0), 1.2072434456591203, 1.918479383230644)
+
+
+@pytest.mark.parametrize("numbers", slow_after(2, [(row,) for row in WALKERS]))
+def test_walkers_at_random(numbers):
+    *leg, c, leg_spring, angle, inertia, stiffness = numbers
+    machine = walker(*leg, c, inertia, stiffness, leg_spring)
+    walk = find(machine, tune=("torso_inertia", "hip_stiffness"), at={"angle": angle})
+    assert walk.admissible
+    inertia, stiffness = walk.tuned.values()
+    times, body = (walk.half_stance, walk.half_double_stance), (1 - 2 * leg[0], c, inertia)
+    least, friction = stepped(leg, body, angle, walk.rates, times, stiffness, leg_spring)
+    assert walk.certificate.smallest_contact_force == pytest.approx(least, abs=1e-4)
+    assert walk.certificate.friction_needed == pytest.approx(friction, abs=1e-3)
