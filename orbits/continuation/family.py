@@ -23,8 +23,8 @@ from ..io import (
     unsealed,
     writing,
 )
-from ..model import Machine, check_parameters, title_of_machine
-from ..periodic import OF_STEPS, PRESCRIBED, QUANTITIES_ALONG, Orbit, SavedLaws, orbit_from, with_note
+from ..model import STEP_LENGTH, Machine, check_parameters, title_of_machine
+from ..periodic import OF_STEPS, PRESCRIBED, Orbit, SavedLaws, orbit_from, with_note
 from ..result import ENDINGS, Axes, Progress, Result, Row, is_of, reported, shown
 from ..units import saved_units, unit_text
 from .motion_columns import numbers_of_motions
@@ -202,7 +202,7 @@ class Family(
     @property
     def _along(self) -> tuple[str, ...]:
         """The parameter along which the family goes; none where it goes along a quantity of its orbits."""
-        return () if self.settings.get("tune") and self.name in QUANTITIES_ALONG else (self.name,)
+        return () if is_quantity_along(self, self.name) else (self.name,)
 
     def _of_motions(self, machine: Machine | None, points: Sequence[Point]) -> dict[str, np.ndarray]:
         """The quantities of the motions at points of the curve, by name; empty without the machine."""
@@ -469,10 +469,15 @@ class Family(
         return super().dataset.assign_attrs(settings).set_coords(self.name)
 
 
+def is_quantity_along(family: Family, name: str) -> bool:
+    """Whether a name that varies along a family is a quantity of its orbits, and no number of its machine."""
+    numbers = {*family.machine, *family.machine["parameters"], STEP_LENGTH}
+    return bool(family.settings.get("tune")) and name not in numbers
+
+
 def varied_at(family: Family, point: Point) -> dict[str, float]:
     """The values of the parameters that vary along a family, at a point of it."""
-    quantities = QUANTITIES_ALONG if family.settings.get("tune") else ()
-    also = {name: value for name, value in point.also.items() if name not in quantities}
+    also = {name: value for name, value in point.also.items() if not is_quantity_along(family, name)}
     return {**also, **dict.fromkeys(family._along, point.value)}
 
 

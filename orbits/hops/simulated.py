@@ -321,10 +321,10 @@ class Simulation(Result, what="simulation", in_line=("status", "end", "source"))
         own = [self._states.index(name) for name in self.source.model.sticks]
         shifts[own] = 0.0  # its steps are those of the motion
         found = relabelled_back(states, stances, label.signs, shifts)
-        found[..., own] += self._footholds_of_legs(t)[..., None]
+        found[..., own] += self.footholds_at(t)[..., None]
         return found
 
-    def _footholds_of_legs(self, t: ArrayLike) -> np.ndarray:
+    def footholds_at(self, t: ArrayLike) -> np.ndarray:
         """The places (...) from which those of what sticks are counted at times (...)."""
         return np.array([leg.foothold for leg in self.legs])[index_of_legs(self.legs, self._times(t))]
 

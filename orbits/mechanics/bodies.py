@@ -22,7 +22,8 @@ class Joint:
     name : of the joint
     axis : "across", "up" or "down", along which it slides, or "turn", clockwise where across points to the right; in
         the frame that the earlier joints have moved
-    place : a formula of the coordinates, the parameters and the number `steps` of landings so far
+    place : a formula of the coordinates, the parameters and the number `steps` of landings so far, and with a
+        coordinate that sticks of the `step`
     """
 
     name: str

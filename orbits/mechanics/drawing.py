@@ -42,7 +42,8 @@ class Drawing:
     outlines : in the order in which they are drawn
     onward : how a landing moves the labels: formulas by "x" and "y" that give the place, in the labels before the
         landing, of a point "x", "y" in the new labels. Each is the name itself or its negative, plus an amount of the
-        parameters, such as "x + 2*length*sin(angle)"; a name that is left out stays
+        parameters, such as "x + 2*length*sin(angle)", or with a coordinate that sticks of the orbit's step, "x + step";
+        a name that is left out stays
     ground : whether to draw ground below the height 0
     tilt : the angle by which the ground falls, a formula of the parameters
     """

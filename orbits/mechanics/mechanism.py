@@ -206,10 +206,11 @@ class Mechanism(Stated):
         refuse_names_of_parameters(self, [*self.parameters, *(name for key, _ in laws for name in key.names)], used)
         if used <= self.parameters.keys():
             refuse_values(self)
+        seen = {*self.coordinates, *self.names, *([STEP_LENGTH] if self.sticks else [])}
         if self.drawing is not None:
-            refuse_misdrawn(self.drawing, {*self.coordinates, *self.names})
+            refuse_misdrawn(self.drawing, seen)
         if not checked:
-            refuse_misbuilt(self.bodies, {*self.coordinates, *self.names})
+            refuse_misbuilt(self.bodies, seen)
 
     @classmethod
     def from_lagrangian(

@@ -79,7 +79,6 @@ if TYPE_CHECKING:
         METHOD,
         OF_STEPS,
         PRESCRIBED,
-        QUANTITIES_ALONG,
         Tuning,
         check_count,
         check_determined,

@@ -92,8 +92,6 @@ OF_STEPS: dict[str, Prescribed] = {
     "mean_speed": Prescribed(lambda model, u, p: step_of(model, u, p) / _period(model, u, p), SPEED, True),
     STEP_LENGTH: Prescribed(lambda model, u, p: p[STEP_LENGTH], LENGTH),
 }
-# The ones that are not parameters.
-QUANTITIES_ALONG = {*PRESCRIBED, *OF_STEPS} - {STEP_LENGTH}
 # Quantities of the whole motion that are ranges, or maxima of what is 0 at lift-off.
 NEVER_NEGATIVE = ("stroke", "largest_contact_force", "peak_force_in_weights", "duty_factor", "friction_needed")
 

@@ -32,7 +32,7 @@ def animate_orbit(orbit: "Orbit", path: str | Path, frames: int = 80, progress: 
     flying = np.mod(t, end if not closed else orbit.period) <= orbit.flight_time
     words = np.where(flying, *phases_in_words(orbit.source)[:2])
     if drawing:
-        return animate_in_plane(check_animation(path), words, orbit.source, *labelled(orbit, t), orbit.scales, progress)
+        return animate_in_plane(check_animation(path), words, *labelled(orbit, t), orbit.scales, progress)
     shape, floating = orbit.shape, orbit.certificate.smallest_separation is None
     joints = shape.springs, shape.knees, shape.embed
     return _animate(path, words, orbit(t), shape.heights, joints, floating, orbit.scales, progress)
@@ -43,7 +43,7 @@ def animate_simulation(run: "Simulation", path: str | Path, frames: int = 200, p
     t, machine = np.linspace(0, run.end, _frames(frames)), run.source
     words = np.where(run.in_contact(t), *phases_in_words(machine)[1::-1])
     if drawing_of(machine):
-        return animate_in_plane(check_animation(path), words, machine, *labelled(run, t), machine.units, progress)
+        return animate_in_plane(check_animation(path), words, *labelled(run, t), machine.units, progress)
     floating, joints = run.smallest_separation is None, (run.springs, run.knees, machine.model.embed)
     return _animate(path, words, run(t), run.heights, joints, floating, machine.units, progress)
 

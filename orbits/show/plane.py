@@ -1,14 +1,15 @@
 """Machines in the plane, drawn by the outlines that they state and moved on by their steps."""
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from ..io import writing
 from ..mechanics import LANDINGS, REPEATED, Drawing, Outline, value_of
+from ..model import STEP_LENGTH
 from ..result import Axes, Progress
 from ..units import Units
 from .canvas import entitled, legend_below, new_axes, off_screen
@@ -54,22 +55,43 @@ def steps_of_run(run: "Simulation", t: np.ndarray) -> np.ndarray:
     return np.array([getattr(leg, "stance", 0) for leg in run.legs])[np.maximum(legs, 0)]
 
 
-def labelled(result: Any, t: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """The flight states (k, n) of an orbit or a simulation at times (k,) in the labels after these numbers of landings
-    (k,)."""
+class Stepping(NamedTuple):
+    """What outlines need of a machine: its drawing, its coordinates, and its parameters, the step (k,) so far, on
+    average, among them."""
+
+    drawing: Drawing
+    coordinates: Sequence[str]
+    values: Mapping[str, Any]
+
+
+def stepping(orbit: "Orbit") -> Stepping:
+    """The machine of an orbit, with its step."""
+    machine: Any = orbit.source
+    step = {} if orbit.step is None else {STEP_LENGTH: orbit.step}
+    return Stepping(machine.drawing, machine.coordinates, {**machine.values, **step})
+
+
+def labelled(result: Any, t: np.ndarray) -> tuple[Any, np.ndarray, np.ndarray]:
+    """The machine of an orbit or a simulation, and its flight states (k, n) at times (k,) in the labels after these
+    numbers of landings (k,)."""
+    machine = result.source
     if hasattr(result, "contact_time"):
-        return result(t), landings_of(result, t)
-    if result.source.model.sticks:  # each step of a simulation has a length of its own
-        return result.unrolled(t), np.zeros(len(t), int)
-    return result(t), steps_of_run(result, t)
+        return stepping(result) if drawing_of(machine) else machine, result(t), landings_of(result, t)
+    if machine.model.runs:  # each step of a simulation has a length of its own
+        return machine, result.unrolled(t), np.zeros(len(t), int)
+    steps = steps_of_run(result, t)
+    if not machine.model.sticks:
+        return machine, result(t), steps
+    so_far = result.footholds_at(t) / np.where(steps == 0, 1, steps)
+    return Stepping(machine.drawing, machine.coordinates, {**machine.values, STEP_LENGTH: so_far}), result(t), steps
 
 
 def cycles_shown(orbit: "Orbit") -> int:
     """The number of cycles after which an orbit shows that it moves on, or that it is back."""
-    drawing, machine = drawing_of(orbit.source), orbit.source
-    if machine is None or orbit.contact_time is None or not (drawing and drawing.onward):
+    drawing = drawing_of(orbit.source)
+    if orbit.contact_time is None or not (drawing and drawing.onward):
         return 1
-    return 2 if comes_back(drawing, machine.values) else DRAWN.cycles_onward
+    return 2 if comes_back(drawing, stepping(orbit).values) else DRAWN.cycles_onward
 
 
 def plane_paths(machine: Any, states: np.ndarray, landings: np.ndarray) -> list[PlanePath]:
@@ -95,17 +117,17 @@ def _led_on(drawing: Drawing, points: np.ndarray, landings: np.ndarray, p: Mappi
     """Points (k, m, 2) after these numbers of landings (k,), in the labels of the first flight; below 0 for steps
     back."""
     (signs, shifts), k = _after_landing(drawing, p), landings[:, None, None]
+    shifts = shifts[..., None, :]
     turned = np.where(k % 2 == 1, shifts - points, points)
     return np.where(signs > 0, points + k * shifts, turned)
 
 
 def _after_landing(drawing: Drawing, p: Mapping) -> tuple[np.ndarray, np.ndarray]:
-    """The signs (2,) and the shifts (2,) of the places after a landing."""
-    zero, one = (
-        np.array([float(value_of(drawing.onward.get(name, name), {"x": x, "y": x}, p)) for name in "xy"])
-        for x in (0.0, 1.0)
-    )
-    return np.sign(one - zero), zero
+    """The signs (2,) and the shifts (..., 2) of the places after a landing."""
+    rules = [drawing.onward.get(name, name) for name in "xy"]
+    places = ([value_of(rule, {"x": x, "y": x}, p) for rule in rules] for x in (0.0, 1.0))
+    zero, one = (np.stack(np.broadcast_arrays(*each), -1) for each in places)
+    return np.sign(one - zero).reshape(-1, 2)[0], zero
 
 
 def _tilted(points: np.ndarray, drawing: Drawing, p: Mapping) -> np.ndarray:
@@ -153,11 +175,12 @@ def motion_in_plane(orbit: "Orbit") -> PlaneMotion | None:
     machine: Any = orbit.source
     if (drawing := drawing_of(machine)) is None or orbit.contact_time is None:
         return None
+    machine = stepping(orbit)
     advance = np.zeros(2) if comes_back(drawing, machine.values) else _after_landing(drawing, machine.values)[1]
     cycles = _cycles_alike(orbit, advance)
     t = np.linspace(0, cycles * orbit.period, cycles * DRAWN.times_of_cycle)
     along = (t / orbit.period)[:, None, None] * advance
-    paths = plane_paths(machine, orbit(t), landings_of(orbit, t))
+    paths = plane_paths(*labelled(orbit, t))
     moving = [PlanePath(each.outline, each.colour, each.points - along) for each in paths if not each.outline.traced]
     columns: dict[str, list] = {
         "size": [0 if each.outline.traced else each.points.shape[1] for each in paths],
@@ -182,7 +205,7 @@ def _cycles_alike(orbit: "Orbit", advance: np.ndarray) -> int:
     behind = DRAWN.cycles_behind
     t = (np.arange(DRAWN.cycles_on_page + 1) + 0.1) * orbit.period
     parts: dict[str, list[np.ndarray]] = {}
-    for each in plane_paths(orbit.source, orbit(t), landings_of(orbit, t)):
+    for each in plane_paths(*labelled(orbit, t)):
         if not each.outline.traced:
             parts.setdefault(each.outline.name, []).append(each.points - (t / orbit.period)[:, None, None] * advance)
     apart = np.zeros(DRAWN.cycles_on_page + 1)
@@ -204,7 +227,7 @@ def plot_in_plane(orbit: "Orbit", axes: Axes | None = None) -> Axes:
     if orbit.contact_time is not None:
         instants[flight + orbit.contact_time / 2] = "mid-contact"
     t = np.array([*instants])
-    paths, (metres, seconds, _) = plane_paths(machine, orbit(t), landings_of(orbit, t)), unit_labels(orbit.scales)
+    paths, (metres, seconds, _) = plane_paths(*labelled(orbit, t)), unit_labels(orbit.scales)
     paths = [each for each in paths if not each.outline.traced]
     ranges = np.array([[each.points[..., 0].min(1), each.points[..., 0].max(1)] for each in paths])
     left_ends, right_ends = ranges[:, 0].min(0), ranges[:, 1].max(0)

@@ -34,6 +34,7 @@ from ..mechanics import (
     moving_masses,
     value_of,
 )
+from ..model import STEP_LENGTH
 from ..result import TABLE_ROWS
 from ..running import exclusive
 from ..symbolic import MappedFunction
@@ -168,7 +169,7 @@ class _Jointed:
         """That of a machine which is stated by its mechanics."""
         mechanism = machine.stated()
         p = {**mechanism.parameters, **machine.values}
-        return cls(mechanism, bodies_of(mechanism, p), p)
+        return cls(mechanism, bodies_of(mechanism, {**p, STEP_LENGTH: 0.0}), p)
 
     @property
     def joints(self) -> list[Joint]:
@@ -190,8 +191,8 @@ class _Jointed:
 
     @cached_property
     def _symbols(self) -> dict[str, ca.SX]:
-        """Of the coordinates and of the landings; the displacements of actuators are 0."""
-        symbols = {name: ca.SX.sym(name) for name in (*self.mechanism.coordinates, LANDINGS)}
+        """Of the coordinates, of the landings and of the step; the displacements of actuators are 0."""
+        symbols = {name: ca.SX.sym(name) for name in (*self.mechanism.coordinates, LANDINGS, STEP_LENGTH)}
         return symbols | dict.fromkeys(self.mechanism.actuators, ca.SX(0))
 
     @cached_property
@@ -208,18 +209,21 @@ class _Jointed:
     def _seen(self, *results: ca.SX) -> list[list[np.ndarray]]:
         """The values of expressions at two places of the coordinates, before any landing."""
         y = self._coordinates
-        function = ca.Function("seen", [y, self._symbols[LANDINGS]], list(map(ca.densify, results)))
+        steps = self._symbols[LANDINGS], self._symbols[STEP_LENGTH]
+        function = ca.Function("seen", [y, *steps], list(map(ca.densify, results)))
         places = np.random.default_rng(0).uniform(0.3, 1.2, (2, y.numel()))
-        return [[each.full() for each in function(place, 0.0)] for place in places]
+        return [[each.full() for each in function(place, 0.0, 0.0)] for place in places]
 
     @exclusive
-    def motion(self, states: np.ndarray, landings: np.ndarray) -> list[np.ndarray]:
-        """The places and the speeds (k, m) of the joints in flight states (k, n) after these numbers of landings
-        (k,)."""
+    def motion(self, seen: Any, states: np.ndarray, landings: np.ndarray) -> list[np.ndarray]:
+        """The places and the speeds (k, m) of the joints in flight states (k, n) after these numbers of landings (k,),
+        as `labelled` has them."""
         y, v, n = self._coordinates, ca.SX.sym("v", self._coordinates.numel()), 2 * len(self.mechanism.coordinates)
         results = [self._places, ca.jtimes(self._places, y, v)]
-        function = MappedFunction(ca.Function("motion", [y, v, self._symbols[LANDINGS]], results))
-        found = function(states[:, :n:2], states[:, 1:n:2], landings.astype(float)[:, None])
+        steps = np.broadcast_to(seen.values.get(STEP_LENGTH, 0.0), len(states)), landings.astype(float)
+        inputs = [y, v, self._symbols[STEP_LENGTH], self._symbols[LANDINGS]]
+        function = MappedFunction(ca.Function("motion", inputs, results))
+        found = function(states[:, :n:2], states[:, 1:n:2], *(each[:, None] for each in steps))
         return [np.asarray(each).reshape(len(states), -1) for each in found]
 
     @property

@@ -22,7 +22,7 @@ from math import inf
 from orbits import Mechanism
 from orbits.errors import InputError, true_or_false
 from orbits.laws import LawLike, number
-from orbits.mechanics import Mass, Spring
+from orbits.mechanics import Body, Drawing, Joint, Mass, Outline, Spring
 
 from ..laws import as_spring
 from .parameters import gravity_in_si, with_parameters
@@ -30,6 +30,9 @@ from .parameters import gravity_in_si, with_parameters
 STAND, SWING = "(lean + angle)", "(lean - angle)"
 HIP = (f"leg_length*sin{STAND}", f"leg_length*cos{STAND}")
 TORSO = (f"{HIP[0]} + torso_height*sin(torso)", f"{HIP[1]} + torso_height*cos(torso)")
+# The angles of the two legs, which stand in turn, and the length that is drawn of the torso.
+LEGS = {"first leg": "(lean + angle*cos(pi*steps))", "second leg": "(lean - angle*cos(pi*steps))"}
+TORSO_LENGTH = "(torso_height + leg_length/2)"
 WITHOUT_UNITS = {
     "mass": 1.0, "leg_length": 1.0, "leg_mass": 0.1, "leg_centre": 1.0, "leg_inertia": 0.0, "torso_height": 0.0,
     "torso_inertia": 0.42, "hip_stiffness": 0.39, "leg_spring": 0.0,
@@ -133,4 +136,44 @@ def walker(
         bounds={name: (0.0, inf) for name in own if name in known},
         in_si=in_si,
         words=WORDS_OF_WALKERS,
+        drawing=_walker_drawn(),
+        bodies=_walker_bodies(),
     )
+
+
+def _walker_drawn() -> Drawing:
+    """Two legs, each in its colour from step to step, and a torso with its centre of mass."""
+    top = (f"{HIP[0]} + {TORSO_LENGTH}*sin(torso)", f"{HIP[1]} + {TORSO_LENGTH}*cos(torso)")
+    feet = {
+        name: (f"{HIP[0]} - leg_length*sin{angle}", f"{HIP[1]} - leg_length*cos{angle}") for name, angle in LEGS.items()
+    }
+    return Drawing(
+        [
+            Outline("torso", [HIP, top]),
+            *(Outline(name, [HIP, foot], ends=True) for name, foot in feet.items()),
+            Outline("torso", [TORSO], ends=True),
+            Outline("path of the hip", [HIP], traced=True),
+        ],
+        onward={"x": "x + step"},
+    )
+
+
+def _walker_bodies() -> list[Body]:
+    """A torso that moves with the hip, and two legs that turn there."""
+    joints = [
+        Joint("hip_across", "across", f"{HIP[0]} + steps*step"),
+        Joint("hip_up", "up", HIP[1]),
+        Joint("pitch", "turn", "torso"),
+    ]
+    line, leg = Outline("torso", [("0", "0"), ("0", TORSO_LENGTH)]), [("0", "0"), ("0", "-leg_length")]
+    torso = Body("torso", joints, "mass - 2*leg_mass", "torso_inertia", centre=("0", "torso_height"), outlines=[line])
+    return [
+        torso,
+        *(
+            Body(
+                name.replace(" ", "_"), [Joint(f"hip_{name[0]}", "turn", f"{angle} - torso")], "leg_mass",
+                "leg_inertia", centre=("0", "-leg_centre"), carrier="torso", outlines=[Outline(name, leg)],
+            )
+            for name, angle in LEGS.items()
+        ),
+    ]  # fmt: skip

@@ -182,7 +182,7 @@ def places_of_masses(result, t):
     from orbits.mechanics import value_of
     from orbits.show.plane import _led_on
 
-    machine, (states, landings) = result.source.stated(), labelled(result, t)
+    machine, (_, states, landings) = result.source.stated(), labelled(result, t)
     y = dict(zip(machine.coordinates, states[:, : 2 * len(machine.coordinates) : 2].T, strict=True))
     masses = [each for each in machine.elements if isinstance(each, Mass)]
     pairs = [(each.across or 0.0, each.height) for each in masses]
@@ -222,7 +222,7 @@ def test_mujoco_replays(name, tmp_path):
 
 def places_of_masses_on_slope(result, t):
     """The hub of the wheel along the slope and above it."""
-    states, steps = labelled(result, t)
+    _, states, steps = labelled(result, t)
     angle = np.pi / 8
     return 0.4 * np.stack([
         np.sin(states[:, 2] - angle) + 2 * steps * np.sin(angle), np.cos(states[:, 2] - angle)

@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from orbits import find
+from orbits import find, follow
+from orbits.show.plane import labelled, plane_paths
 from problems import walker
 
 TUNE = ("torso_inertia", "hip_stiffness")
@@ -39,3 +40,40 @@ def test_it_is_the_walker_that_two_programs_found(known):
     assert [*walk.tuned.values()] == pytest.approx(tuned, abs=1e-11)
     assert walk.step == pytest.approx(2 * np.sin(angle), abs=1e-13)
     assert walk.mean_speed == pytest.approx(walk.step / (2 * (single + double)), abs=1e-11)
+
+
+def test_each_leg_has_its_colour_and_stands_still_where_it_landed(known):
+    walk, *_ = known
+    begins = walk.period + np.array([0.0, walk.flight_time])  # of the second leg's stance, and of the double one
+    t = np.concatenate([begins[0] + np.linspace(0, walk.flight_time, 9), [begins[1] + walk.contact_time / 2]])
+    torso, first, second, centre, path = plane_paths(*labelled(walk, t))
+    names = ["torso", "first leg", "second leg", "torso", "path of the hip"]
+    assert [each.outline.name for each in (torso, first, second, centre, path)] == names
+    assert torso.colour == centre.colour
+    assert len({torso.colour, first.colour, second.colour}) == 3
+    assert second.points[:, 1] == pytest.approx(np.array([[walk.step, 0.0]] * 10), abs=1e-12)
+    assert first.points[[0, 8, 9], 1, 0] == pytest.approx([0.0, 2 * walk.step, 2 * walk.step], abs=1e-12)
+    assert first.points[:, 1, 1].max() > 0.03
+    assert path.points[4, 0] == pytest.approx([walk.step, 1.0], abs=1e-12)
+    for leg in (first, second):
+        assert np.linalg.norm(np.diff(leg.points, axis=1), axis=2) == pytest.approx(1.0)
+    assert np.linalg.norm(centre.points - path.points, axis=2) == pytest.approx(walk.source.values["torso_height"])
+
+
+def test_the_bodies_for_simulators_move_as_it_is_drawn(known, tmp_path):
+    walk, *_ = known
+    t = np.linspace(0, 2.9 * walk.period, 40)
+    lines = (walk.export(tmp_path, t) / "motion.csv").read_text().splitlines()
+    rows = np.array([[x for i, x in enumerate(line.split(",")) if i != 1] for line in lines[1:]], float)
+    across, up, pitch, *hips = rows[:, 1:6].T
+    _, *legs, _, _ = plane_paths(*labelled(walk, t))
+    for hip, leg in zip(hips, legs, strict=True):
+        foot = np.stack([across - np.sin(pitch + hip), up - np.cos(pitch + hip)], axis=1)
+        assert foot == pytest.approx(leg.points[:, 1], abs=1e-12)
+
+
+def test_quantities_of_motions_are_columns_of_a_family_along_the_angle(known):
+    walk, angle, *_ = known
+    curve = follow(walk.source, "angle", angle + 1e-3, walk, tune=TUNE)
+    assert curve.column("mean_speed")[0] == pytest.approx(walk.mean_speed, abs=1e-12)
+    assert curve.column("step") == pytest.approx(2 * np.sin(curve.column("angle")), abs=1e-12)
