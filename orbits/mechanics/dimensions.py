@@ -38,7 +38,7 @@ def _stated_dimensions(mechanism: Any) -> Iterator[tuple[object, Dimension]]:
                 yield from _lengths(element.extension, coordinates).items()
         match element:
             case Mass() | Weight():
-                yield element.mass, MASS
+                yield from ((name, MASS) for name in _summed(element.mass))
                 for place in paths_of(element) if isinstance(element, Mass) else [element.height]:
                     yield from _lengths(place, coordinates).items()
                     yield from _turned(place, frozenset(angles)).items()
@@ -54,7 +54,7 @@ def _stated_dimensions(mechanism: Any) -> Iterator[tuple[object, Dimension]]:
     for (i, one), (j, other) in product(enumerate(mechanism.coordinates), repeat=2):
         if mechanism.inertia and len({one, other} & angles) in (0, len({one, other})):
             unit = INERTIA if one in angles else MASS
-            yield from ((name, unit) for name in _lengths(mechanism.inertia[i][j], coordinates))
+            yield from ((name, unit) for name in _summed(mechanism.inertia[i][j]))
     yield from ((length, LENGTH) for *_, length in mechanism.knees)
     yield mechanism.surface_gravity, ACCELERATION
     if mechanism.gravity.text in mechanism.gravity.names:
@@ -91,6 +91,11 @@ def _lengths(height: object, coordinates: set[str]) -> dict[str, Dimension]:
         return {}
     names = sorted(names_in(height) - coordinates)
     return {name: LENGTH for name in names if abs(plain_slope(height, name)) == 1.0}
+
+
+def _summed(expression: object) -> list[str]:
+    """The names in a formula of which it is a sum, each times a number."""
+    return [name for name in sorted(names_in(expression)) if plain_slope(str(expression), name)]
 
 
 @exclusive

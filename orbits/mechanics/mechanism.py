@@ -28,7 +28,7 @@ from ..laws import Key, Law, coefficient_of_restitution, key_of, number
 from ..model import STEP_LENGTH, Model, Stated
 from ..running import exclusive, exclusive_property
 from ..symbolic import suggest
-from ..units import FORCE, LENGTH, TORQUE, Dimension, Units, unit_text
+from ..units import ANGLE, FORCE, LENGTH, TORQUE, Dimension, Units, unit_text
 from .bodies import Body, refuse_misbuilt
 from .derived import derived_launch, derived_model, linear_equations, refuse_uneven_tables
 from .dimensions import dimensions_of_parameters, length_or_angle
@@ -362,7 +362,8 @@ class Mechanism(Stated):
     def si_units(self) -> Units:
         """The units of a machine whose numbers are in SI."""
         launched = self.launch or derived_launch(self.structure)
-        turned = {"liftoff": launched in self.angles, "gap": names_in(self.gap) & {*self.coordinates} <= {*self.angles}}
+        angular = self.gap is not None and length_or_angle(self.gap, {*self.coordinates}, {*self.angles}) is ANGLE
+        turned = {"liftoff": launched in self.angles, "gap": angular}
         return Units(1.0, 1.0, 1.0, 1.0, (*self.angles, *(name for name, angle in turned.items() if angle)))
 
     @property

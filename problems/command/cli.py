@@ -346,15 +346,12 @@ def follow_command(
     It can also follow several families, or an event of a family in two parameters.
     """
     from orbits.continuation import Family, follow
-    from orbits.periodic import QUANTITIES_ALONG, OscillationFamily
-    from orbits.shooting import ENERGY_OF_CYCLE
+    from orbits.periodic import OscillationFamily
 
     values = options.numbers("--at", at, float) if at else []
     before = None if resume is None else Family.load(resume)
     stated, tuned = options.with_tuned(stated, tune)
-    # A quantity is no parameter of the machine.
-    known = start is None or (along == ENERGY_OF_CYCLE if not tuned else along in QUANTITIES_ALONG)
-    machine = options.machine_of(**stated, first=None if known else (along, start))
+    machine = options.machine_along(along, start, bool(tuned), stated)
     first = options.started(machine, hop) if before is None else None
     of_event = options.event_of(event, second)
     several = options.several_families(families, save, family > 1 or output or resume or of_event or hop)

@@ -7,7 +7,7 @@ import sys
 import threading
 import time
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import replace
 from functools import reduce
 from typing import TYPE_CHECKING, Any
@@ -530,6 +530,20 @@ def machine_of(machine: str | None, *arguments: Any, **stated: Any) -> "MachineO
     from ..machines import build
 
     return build(*statement_of(machine, *arguments, **stated))
+
+
+def machine_along(along: str, start: float | None, tuned: bool, stated: dict[str, Any]) -> "MachineOfFile":
+    """The machine of a family along a parameter from a first value, or along a quantity, which it does not have."""
+    from orbits.errors import InputError
+    from orbits.periodic import is_quantity
+    from orbits.shooting import ENERGY_OF_CYCLE
+
+    if start is None or (along == ENERGY_OF_CYCLE and not tuned):
+        return machine_of(**stated)
+    with suppress(InputError):  # without a value of the parameter
+        if tuned and is_quantity(machine := machine_of(**stated), along):
+            return machine
+    return machine_of(**stated, first=(along, start))
 
 
 def statement_of(

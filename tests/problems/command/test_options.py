@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from orbits import find, optimize
+from orbits import InputError, find, optimize
 from orbits.mechanics import Ground
 from problems import Hopper, hopper_in_si
-from problems.command.options import machine_of
+from problems.command.options import machine_along, machine_of
 
 ALPHA = 4.493409457909064  # tan(alpha) = alpha, eq. (12) of the paper
 DUFFING = 2.936459188494196478  # tests/data/orbits.json: r + 0.3 r**3
@@ -242,3 +242,11 @@ class TestSteps:
         done = orbits(f"map --machine wheel --set angle=0.3 {ratio} --alpha 0.349144090286584708 --json")
         assert done.code == 0
         assert "lifts_off" in done.out
+
+
+def test_a_family_begins_at_a_value_of_a_parameter_or_of_a_quantity():
+    walker = {"machine": "walker"}
+    assert machine_along("angle", 0.3, True, walker).values == machine_of(**walker).values
+    assert machine_along("leg_mass", 0.2, True, walker).values["leg_mass"] == 0.2
+    with pytest.raises(InputError, match="'angle' is a coordinate"):
+        machine_along("angle", 0.3, False, walker)

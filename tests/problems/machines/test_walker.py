@@ -3,9 +3,10 @@
 import numpy as np
 import pytest
 
-from orbits import find, follow
+from orbits import InputError, find, follow
 from orbits.show.plane import labelled, plane_paths
 from problems import walker
+from problems.machines.walker import UNITS_OF_WALKER
 
 TUNE = ("torso_inertia", "hip_stiffness")
 # Designs with their step angle, the solution of two programs in other coordinates: rates in mid-stance, half times of
@@ -77,3 +78,16 @@ def test_quantities_of_motions_are_columns_of_a_family_along_the_angle(known):
     curve = follow(walk.source, "angle", angle + 1e-3, walk, tune=TUNE)
     assert curve.column("mean_speed")[0] == pytest.approx(walk.mean_speed, abs=1e-12)
     assert curve.column("step") == pytest.approx(2 * np.sin(curve.column("angle")), abs=1e-12)
+
+
+def test_its_numbers_in_si_have_units():
+    machine = walker(9.0, 0.35, 0.6, 0.1, 15.0, 180.0, mass=60.0, leg_length=0.9, in_si=True)
+    units = {**UNITS_OF_WALKER, "surface_gravity": "m/s^2"}
+    assert machine.describe()["units"] == units
+    texts = machine.units.texts()
+    lengths = {name: texts[name] for name in ("clearance", "step", "alpha", "liftoff_extension")}
+    assert lengths == {"clearance": "m", "step": "m", "alpha": "rad/s", "liftoff_extension": "rad"}
+    forces = {name: texts[name] for name in ("smallest_contact_force", "landing_jerk", "half_stance")}
+    assert forces == {"smallest_contact_force": "N", "landing_jerk": "m/s^3", "half_stance": "s"}
+    with pytest.raises(InputError, match="a walker in SI needs mass"):
+        walker(9.0, 0.35, 0.6, 0.1, 15.0, 180.0, in_si=True)
