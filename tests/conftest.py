@@ -42,16 +42,21 @@ if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
 
 
 def pytest_configure(config):
-    """Machine code is stored in a folder that all workers share, and that ends with the tests."""
+    """Machine code is stored in a folder that all workers share: in one that is named, or one that ends with the
+    tests."""
     if "PYTEST_XDIST_WORKER" not in os.environ:
-        folder = tempfile.TemporaryDirectory()
-        os.environ["PERSISTENT_ORBITS_CACHE"] = folder.name
-        config.add_cleanup(folder.cleanup)
+        folder = config.getoption("--code", default=None)
+        if folder is None:
+            temporary = tempfile.TemporaryDirectory()
+            config.add_cleanup(temporary.cleanup)
+            folder = temporary.name
+        os.environ["PERSISTENT_ORBITS_CACHE"] = os.path.abspath(folder)
 
 
 def pytest_addoption(parser):
     text = "run each test with the first and the last of its parameters alone"
     parser.addoption("--few-of-each", action="store_true", help=text)
+    parser.addoption("--code", metavar="FOLDER", help="keep machine code in this folder for the next tests")
 
 
 @pytest.hookimpl(trylast=True)

@@ -19,7 +19,7 @@ from typing import NamedTuple
 class StoreOptions(NamedTuple):
     """How much is stored."""
 
-    files: int = 2048  # at most, each of some 15 kB; beyond that the half written first is removed
+    files: int = 8192  # at most, each of some 15 kB; beyond that the half written first is removed
 
 
 STORE = StoreOptions()
@@ -86,6 +86,8 @@ def store(key: bytes, code: bytes) -> None:
 
 def _make_room(path: Path) -> None:
     """Remove the half of the stored files that was written first, where there are too many; other files stay."""
+    if len(os.listdir(path)) < STORE.files:
+        return
     files = [each for each in path.iterdir() if OWN_NAME.fullmatch(each.name)]
     if len(files) >= STORE.files:
         for each in sorted(files, key=lambda file: file.stat().st_mtime)[: len(files) // 2]:
