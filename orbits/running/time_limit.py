@@ -42,8 +42,8 @@ class _Deadline(NamedTuple):
 
 
 class _Limits(threading.local):
-    """The deadlines of a thread's computation, those of outer blocks first, and the time of the clock `monotonic` before
-    which none of them passes. To read a clock of processor time takes ten times as long, which proofs notice."""
+    """The deadlines of a thread's computation, those of outer blocks first, and the `earliest` time of the clock
+    `monotonic` at which one may pass. To read a clock of processor time takes ten times as long."""
 
     deadlines: tuple[_Deadline, ...] = ()
     earliest: float = float("-inf")
