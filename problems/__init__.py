@@ -14,6 +14,7 @@ if TYPE_CHECKING:
         Hopper as Hopper,
         Juggler as Juggler,
         alternating_hopper as alternating_hopper,
+        brachiator as brachiator,
         chain_hand as chain_hand,
         hopper_in_si as hopper_in_si,
         inerter_hopper as inerter_hopper,

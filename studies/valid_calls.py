@@ -54,6 +54,7 @@ def _machines() -> dict[str, Callable[[], Any]]:
         "shuttle": lambda: problems.shuttle(inertia_ratio=1.0),
         "runner": problems.runner,
         "two_feet": problems.alternating_hopper,
+        "brachiator": problems.brachiator,
     }
 
 
@@ -75,6 +76,7 @@ BUILDERS: dict[str, dict[str, Any]] = {
     "runner": {"foot_mass": 0.1, "rest_length": 3.7},
     "walker": {"leg_mass": 0.1, "torso_inertia": 0.42},
     "alternating_hopper": {"foot_mass": 3.0, "rest_length": 45.0},
+    "brachiator": {"arm_mass": 0.25},
 }  # fmt: skip
 
 

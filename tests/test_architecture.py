@@ -23,6 +23,8 @@ TESTED_WITH = {
     "balls/curve_motion": "proof/test_branch",
     "balls/equations": "balls/test_enclosure",
     "mechanics/balance": "test_checks",
+    "mechanics/grip": "periodic/test_swings",
+    "periodic/swing": "periodic/test_swings",
     "checks/at_states": "test_checks",
     "checks/checked": "test_checks",
     "checks/relation": "test_checks",

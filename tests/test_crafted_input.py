@@ -263,7 +263,7 @@ def test_every_public_name_is_among_the_calls():
     results = {"BifurcationCurve", "BifurcationDiagram", "BranchPoint", "Control", "Design", "DesignCurve", "Existence"}
     results |= {"Front", "HopMultipliers", "OptimalFamily", "PeriodDiagram", "Proof", "ReturningHops", "Simulation"}
     results |= {"Families", "Sweep", "Uncertainty", "Driven", "DrivenFamily", "Disturbed"}
-    results |= {"Oscillation", "OscillationFamily"}
+    results |= {"Oscillation", "OscillationFamily", "Swing", "SwingFamily"}
     names = {*orbits.__all__, *problems.__all__} - uncalled - results - {"explore"}
     assert sorted(name for name in names if not re.search(rf"\b{name}\b", text)) == []
     assert {*crafted_calls.COMMANDS} == {*crafted_calls.commands.commands}

@@ -46,7 +46,7 @@ from orbits.laws import HystereticLaw
 from orbits.model import CasadiMachine
 from orbits.result import Result
 from orbits.sweeps.indices import Indices
-from problems import HeavyHand, Hopper, gravity, hopper_in_si, recordings, springs, steering
+from problems import HeavyHand, Hopper, brachiator, gravity, hopper_in_si, recordings, springs, steering
 from tests import recorded_hops
 
 
@@ -74,6 +74,11 @@ def made(kind: str):
         "Oscillation": lambda: find(cubic, at={"energy": 0.5}),
         "OscillationFamily": lambda: follow(leg, "energy", (1.0, 50.0), longest=0.5),
         "OscillationEvent": lambda: made("OscillationFamily").events[0],
+        "Swing": lambda: find(brachiator(), start={"angle": 1.2, "half_swing": 1.9}),
+        "SwingFamily": lambda: follow(
+            brachiator(), "arm_mass", 0.26, {"angle": 1.2, "half_swing": 1.9}, at=[0.255], longest=0.5
+        ),
+        "SwingEvent": lambda: made("SwingFamily").events[0],
         "Existence": lambda: existence(cubic, "beta", (0.28, 0.32), "mass_ratio", [0.5, 0.6], samples=3),
         "Hops": lambda: ReturnMap(cubic)([[2.0, 4.0], [4.5, 7.0]]),
         "LaunchHops": lambda: ReturnMap(hop_of()[0])([[6.4, -1.2, 1.1], [-1.0, 0.0, 0.0]]),
@@ -130,11 +135,12 @@ WHOLE = (
         "DrivenFamily",
     ),
     *("LaunchHops", "ReturningHops", "PeriodicHops", "HopMultipliers"),
-    *("HeldLaunches", "Oscillation", "OscillationFamily"),
+    *("HeldLaunches", "Oscillation", "OscillationFamily", "Swing", "SwingFamily"),
 )
 RESULTS = (
     *WHOLE,
     *("Certificate", "Trajectory", "Point", "Event", "End", "ReturnMap", "ContactEvent", "OscillationEvent"),
+    "SwingEvent",
 )
 VERBS = {
     "machine": lambda result: isinstance(result.machine, dict) and "machine" in result.machine,
@@ -165,7 +171,7 @@ WITHOUT = {
 # The machines that files do not hold.
 OF_FILES = {
     **dict.fromkeys(("Design", "DesignCurve", "Front"), lambda result: getattr(result, "designs", (result,))[0].source),
-    **dict.fromkeys(("Simulation", "DrivenFamily", "HeldLaunches", "HopFit"), lambda result: result.source),
+    **dict.fromkeys(("Simulation", "DrivenFamily", "HeldLaunches", "HopFit", "Swing"), lambda result: result.source),
     "Disturbed": lambda result: made("Driven").source,
 }
 

@@ -10,7 +10,7 @@ from conftest import slow_after
 from rods import on_two_legs, point
 
 from orbits import find
-from problems import walker
+from problems import brachiator, walker
 
 CASES = Path(__file__).parent.parent / "studies" / "exact_orbits" / "cases"
 # Walkers at random: leg_mass, leg_centre, leg_inertia, torso_height, leg_spring, the angle at landing, and two digits
@@ -95,6 +95,21 @@ def test_the_exact_brachiator():
     m = p["arm_mass"]
     rates = swung((m, 0.5, m / 12), (1 - 2 * m, 0.0, 1.0), x["release"], x["half"])
     assert rates == pytest.approx([numbers["held_rate"], numbers["free_rate"], 0.0], abs=1e-11)
+
+
+@pytest.mark.parametrize(
+    ("numbers", "start"),
+    [
+        ({"arm_mass": 0.3, "arm_centre": 0.6}, None),
+        ({"arm_mass": 0.15, "body_inertia": 0.02, "body_centre": 0.2}, {"angle": 0.6, "body'": 0.6, "half_swing": 1.7}),
+    ],
+)
+def test_brachiators_that_are_found(numbers, start):
+    swing, m = find(brachiator(**numbers), start=start), numbers["arm_mass"]
+    body = (1 - 2 * m, -numbers.get("body_centre", 0.0), numbers.get("body_inertia", 1.0))
+    arm, rate = (m, numbers.get("arm_centre", 0.5), m / 12), swing.release.get("body'", 0.0)
+    rates = swung(arm, body, swing.angle, swing.half_swing, rate)
+    assert rates[: len(swing.rates)] == pytest.approx(swing.rates, abs=1e-11)
 
 
 def test_arms_of_another_inertia_do_not_pass():

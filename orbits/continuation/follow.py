@@ -19,12 +19,16 @@ from ..periodic import (
     OscillationFamily,
     Solved,
     StartLike,
+    Swing,
+    SwingFamily,
     another_family,
     check_determined,
     check_start,
     family_number,
     first_tuned,
     follow_energy,
+    follow_swings,
+    grip_of,
     is_quantity,
     lowest_of_family,
     solve_family,
@@ -90,7 +94,7 @@ def follow(
     machine: Machine,
     along: str,
     stop: Stop,
-    start: StartLike | Oscillation | float | None = None,
+    start: StartLike | Oscillation | Swing | float | None = None,
     family: int = 1,
     *,
     families: Iterable[int] | None = None,
@@ -106,7 +110,7 @@ def follow(
     output: str | Path | None = None,
     resume: Family | None = None,
     progress: Progress = None,
-) -> Family | Families | OscillationFamily:
+) -> Family | Families | OscillationFamily | SwingFamily:
     """Follow a family of lossless orbits as a parameter goes from a first value to `stop`, past folds, to its end.
 
     machine : as in `find`
@@ -140,6 +144,9 @@ def follow(
         arguments must be the same
     progress : called with the completed share of the parameter's range
 
+    Of a machine with a `Grip` the family is a `SwingFamily`, which leads from the fastest swing, or from the one near a
+    start.
+
     Returns the `Family`, whose `end` says how it ended; a curve that is lost is "stuck", with the reason. Raises
     `NoOrbit` if there is no first orbit, and `InputError` for invalid arguments. Source: pseudo-arclength continuation,
     Keller 1977.
@@ -163,8 +170,19 @@ def follow(
             raise InputError("a family along its energy starts at an energy, or at an oscillation")
         steps = options.steps(step_control.largest_batch)
         return follow_energy(machine, stop, start, family_number(family), options.at, steps, progress)
-    if isinstance(start, Oscillation):
-        raise InputError("an oscillation begins a family along its energy alone: along='energy'")
+    if grip_of(machine):
+        options_of_orbits: dict[str, object] = {
+            "families": families, "watch": watch, "stop_inadmissible": stop_inadmissible or None, "tune": tune,
+            "multipliers": multipliers or None, "method": method, "output": output, "resume": resume,
+        }  # fmt: skip
+        if stated := [name for name, value in options_of_orbits.items() if value is not None]:
+            raise InputError(f"a family of swings is followed without {stated[0]}=")
+        if not (start is None or isinstance(start, Real | Mapping | Swing)):
+            raise InputError("a family of swings starts at a value of its parameter, at a swing, or at numbers by name")
+        steps = options.steps(step_control.largest_batch)
+        return follow_swings(machine, along, stop, start, options.at, steps, progress)
+    if isinstance(start, Oscillation | Swing):
+        raise InputError("an oscillation begins a family along its energy alone: along='energy'; a swing one of swings")
     first = start
 
     def followed(number: int, progress: Progress) -> Family:

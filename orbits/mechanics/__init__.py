@@ -23,6 +23,7 @@ if TYPE_CHECKING:
         names_in,
         value_of,
     )
+    from .grip import HALF_SWING, Grip as Grip
     from .ground import Ground as Ground
     from .kinetics import Closed, ClosedGap, Kinetics, Square
     from .mechanism import Mechanism as Mechanism

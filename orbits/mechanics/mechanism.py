@@ -34,6 +34,7 @@ from .derived import derived_launch, derived_model, linear_equations, refuse_une
 from .dimensions import dimensions_of_parameters, length_or_angle
 from .drawing import Drawing, refuse_misdrawn
 from .elements import Element, Scalar, Spring, expressions_of, names_in
+from .grip import Grip, refuse_misheld
 from .ground import Ground, on_ground
 from .linear import LinearEquations
 from .parts import names_of_springs
@@ -104,6 +105,8 @@ class Mechanism(Stated):
     segments : the angles of limbs by name, sums of coordinates, whose rates in mid-flight orbits report
     grazes : whether the point that swings through passes the ground in mid-flight too, where the reversor turns the
         gap's coordinate over: it touches tangentially and without a force
+    grip : the `Grip` of a machine that swings from hold to hold, with gap=None; `find` returns its `Swing`s. None for
+        other machines
     words : for messages, by key: the name of the force at "liftoff"; the texts of a violated "gap", "pull",
         "separation" and "end"; for a machine that steps also of a violated "landing gap" in flight, "standing gap" in
         contact, "landed pull" and "stance" ("" for a "stance" that is not judged); and the advice where a search finds
@@ -152,6 +155,7 @@ class Mechanism(Stated):
     bodies: Sequence[Body] = ()
     grazes: bool = False
     segments: Mapping[str, Scalar] = field(default_factory=dict)
+    grip: Grip | None = None
 
     @exclusive
     def __post_init__(self) -> None:
@@ -208,7 +212,9 @@ class Mechanism(Stated):
             refuse_values(self)
         seen = {*self.coordinates, *self.names, *([STEP_LENGTH] if self.sticks else [])}
         if self.drawing is not None:
-            refuse_misdrawn(self.drawing, seen)
+            refuse_misdrawn(self.drawing, {*seen, *(self.grip.release if self.grip else ())})
+        if self.grip is not None:
+            refuse_misheld(self, {*self.names})
         if not checked:
             refuse_misbuilt(self.bodies, seen)
 
@@ -334,7 +340,7 @@ class Mechanism(Stated):
             names, self.reversor if self.reversor is None else tuple(self.reversor.items()),
             tuple(self.symmetry.items()), tuple(self.gaps.items()), self.friction, tuple(self.sticks.items()),
             tuple(name for name in self.sticks if name not in self.stepping), self.grazes,
-            tuple(self.segments.items()),
+            tuple(self.segments.items()), self.grip is not None,
         )  # fmt: skip
 
     @exclusive_property

@@ -89,7 +89,7 @@ class Parts:
             {name: _height(c, height) for name, height in s.heights},
             None if s.separation is None else _height(c, s.separation),
             c.coefficients(masses), c.coefficients(of_forces), c.coefficients(inertia), mechanics.turning(unit),
-            _drawn(c, s), Alone.of(mechanics), steps, reactions_of(mechanics, s.inertia, s.friction, steps),
+            _drawn(c, s), Alone.of(mechanics), steps, reactions_of(mechanics, s.inertia, s.friction, steps, s.hangs),
         )  # fmt: skip
 
     def with_laws(self, laws: Sequence[Key]) -> "Parts":

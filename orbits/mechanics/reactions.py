@@ -120,12 +120,12 @@ def _taken_over(label: SignedShift, speeds: Coefficients) -> Callable:
 
 
 def reactions_of(
-    m: Mechanics, inertia: Sequence[Sequence[Scalar]], friction: Scalar | None, steps: Stepping | None
+    m: Mechanics, inertia: Sequence[Sequence[Scalar]], friction: Scalar | None, steps: Stepping | None, hangs: bool
 ) -> Reactions | None:
-    """The reactions of a mechanism, None without a gap and where no mass states where it is across; raises `InputError`
-    where the maps of its steps do not turn its places across."""
+    """The reactions of a mechanism, None without a gap unless it hangs by a grip, and where no mass states where it is
+    across; raises `InputError` where the maps of its steps do not turn its places across."""
     masses = [each for each in m.elements if isinstance(each, Mass)]
-    if not m.gap.eliminated or all(each.across is None for each in masses):
+    if not (m.gap.eliminated or hangs) or all(each.across is None for each in masses):
         return None
     c, flight, contact, gap, n = m.coordinates, m.in_flight, m.in_contact, m.gap, m.size
     sums, bends = [ZERO, ZERO], [ZERO, ZERO]
@@ -152,7 +152,7 @@ def reactions_of(
         row = [own + pull for own, pull in zip(weights, pulls, strict=True)], bend + bent
         *linear, quadratic = gap.inside([*row[0], row[1]])
         pushes = gap.inside(pushes)
-        forces = zip(*contact.held, strict=True)
+        forces = zip(*contact.held, strict=True) if gap.held else [()] * len(linear)  # a hanging machine has no gap
         flying.append(row)
         held.append(
             (

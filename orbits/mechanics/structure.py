@@ -57,3 +57,4 @@ class Structure(NamedTuple):
     anywhere: tuple[str, ...] = ()
     grazes: bool = False
     segments: tuple[tuple[str, Scalar], ...] = ()
+    hangs: bool = False  # by a grip, whose forces are watched

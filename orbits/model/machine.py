@@ -134,6 +134,11 @@ def check_machine(machine: Machine, *also: str, lands: bool = True) -> None:
     refuse_machine(machine, wrong)
     if lands and not machine.model.lands:
         own = "find(machine, at={'energy': 1.0}) and follow(machine, 'energy', (0.1, 1.0))"
+        if getattr(machine, "grip", None):
+            raise InputError(
+                f"a {machine.model.name} swings from hold to hold: find(machine) and follow(machine, NAME, STOP) find "
+                f"its swings; it also oscillates: {own}"
+            )
         raise InputError(f"a {machine.model.name} has no gap (gap=None), so it never lands; it oscillates: {own}")
 
 

@@ -18,6 +18,8 @@ from .orbit import Orbit, start_in_file
 from .orbit_found import found_from
 from .oscillations import Oscillation
 from .start import StartLike, check_start
+from .swing import Swing
+from .swings import find_swings, grip_of
 
 
 @overload
@@ -25,6 +27,10 @@ def find(  # type: ignore[overload-overlap]
     machine: Machine, family: int | None = None, *, at: Mapping[Literal["energy"], float],
     start: Oscillation | Mapping[str, float] | None = None, progress: Progress = None, limit: float | None = None,
 ) -> Oscillation: ...  # fmt: skip
+
+
+@overload
+def find(machine: Machine, *, start: Swing, limit: float | None = None) -> Swing: ...
 
 
 @overload
@@ -40,14 +46,14 @@ def find(
     machine: Machine,
     family: int | None = None,
     *,
-    start: StartLike | Oscillation | None = None,
+    start: StartLike | Oscillation | Swing | None = None,
     method: str | None = None,
     tune: str | Iterable[str] | None = None,
     at: Mapping[Any, float] | None = None,
     progress: Progress = None,
     limit: float | None = None,
-) -> Orbit | Oscillation:
-    """Find the lossless orbit of a family, with its certificate.
+) -> Orbit | Oscillation | Swing:
+    """Find the lossless orbit of a family, with its certificate; of a machine with a `Grip` the fastest `Swing`.
 
     machine : a `problems.Hopper`, a `problems.Juggler`, a `Mechanism`, or another `Machine` with `model`, `values`,
         `describe` and `units`
@@ -89,6 +95,12 @@ def find(
             raise InputError("an oscillation is found without a method=, from an oscillation or numbers by name")
         with time_limit(limit):
             return find_oscillation(machine, at[ENERGY_OF_CYCLE], start, family_number(1 if family is None else family))
+    if grip_of(machine):
+        _refuse_of_swings(family=family, method=method, tune=tune, at=at)
+        if not (start is None or isinstance(start, Mapping | Swing)):
+            raise InputError("a swing is found from another one, or from numbers by name")
+        with time_limit(limit):
+            return find_swings(machine, start)[0]
     check_machine(machine)
     number = None if family is None else family_number(family)
     if isinstance(start, str | Path):
@@ -114,6 +126,15 @@ def start_or_own(machine: Machine, start: Any, *families: int) -> Any:
         name = machine.model.name
         raise InputError(f"family = {families}: orbits of a {name} are continued from one: sweep one family at a time")
     return find(machine, *families)
+
+
+def _refuse_of_swings(**options: object) -> None:
+    """Raise `InputError` for options of a search that finds swings without them."""
+    if stated := [name for name, value in options.items() if value is not None]:
+        raise InputError(
+            f"{stated[0]} = {options[stated[0]]!r}: swings from hold to hold need no tuned number and have no families "
+            "by number; leave it out, or follow a parameter to the swing that you want"
+        )
 
 
 @exclusive
@@ -144,8 +165,10 @@ def find_all(
     samples are refined where it matters. The search stops after 20,000 launches, or after 1,000 for a machine that
     steps, whose orbits may lie in narrow ranges of launch speeds between falls. If the search may have missed orbits,
     their `known_in_family` is None. If it was stopped, or an orbit could not be certified, a warning is logged too.
-    Starts that lead to no orbit are left out. Raises `NoOrbit` if there is none, with the searched range or the last
-    reason, and `InputError` for invalid arguments and for a model without such a search.
+    Starts that lead to no orbit are left out. Of a machine with a `Grip` all `Swing`s are returned whose unknowns are
+    in the ranges that the grip states, admissible ones first and then by falling mean speed. Raises `NoOrbit` if there
+    is none, with the searched range or the last reason, and `InputError` for invalid arguments and for a model without
+    such a search.
 
     >>> from orbits import find_all
     >>> from problems import Hopper
@@ -153,6 +176,10 @@ def find_all(
     >>> [round(hop.alpha, 4) for hop in hops]
     [4.7432, 9.924]
     """
+    if grip_of(machine):
+        _refuse_of_swings(starts=starts, family=family, fastest=fastest, method=method)
+        with time_limit(limit):
+            return find_swings(machine)  # type: ignore[return-value]
     if starts is None or isinstance(starts, int | np.integer):
         if None not in (starts, family):
             raise InputError(f"find_all got two families, {starts} and {family}: leave one out")

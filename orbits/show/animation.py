@@ -13,12 +13,12 @@ from ..result import Axes, Progress
 from ..units import Units
 from .canvas import finished, new_axes, off_screen
 from .plane import animate_in_plane, cycles_shown, drawing_of, labelled, write_frames
-from .plot import phases_in_words
+from .plot import DRAWN, phases_in_words
 from .style import COLOURS, SHADE, STYLE, unit_labels
 
 if TYPE_CHECKING:
     from ..hops import Simulation
-    from ..periodic import Orbit
+    from ..periodic import Orbit, Swing
 
 ANIMATIONS = (".gif", ".mp4")
 SPRING_END = "spring's end"  # the height of an end that an actuator moves; it is drawn as a thin bar
@@ -46,6 +46,14 @@ def animate_simulation(run: "Simulation", path: str | Path, frames: int = 200, p
         return animate_in_plane(check_animation(path), words, *labelled(run, t), machine.units, progress)
     floating, joints = run.smallest_separation is None, (run.springs, run.knees, machine.model.embed)
     return _animate(path, words, run(t), run.heights, joints, floating, machine.units, progress)
+
+
+def animate_swing(swing: "Swing", path: str | Path, frames: int = 120, progress: Progress = None) -> Path:
+    """Write some swings from hold to hold as an animation, as `animate_orbit` does; returns the path."""
+    t = np.linspace(0.0, DRAWN.cycles_onward * swing.period, _frames(frames), endpoint=False)
+    count = np.floor_divide(t, swing.period).astype(int)
+    words, units = np.array([f"swing {k + 1}" for k in count]), swing.source.units
+    return animate_in_plane(check_animation(path), words, swing.drawn, swing(t), count, units, progress)
 
 
 def _frames(frames) -> int:

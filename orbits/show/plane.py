@@ -12,13 +12,13 @@ from ..mechanics import LANDINGS, REPEATED, Drawing, Outline, value_of
 from ..model import STEP_LENGTH
 from ..result import Axes, Progress
 from ..units import Units
-from .canvas import entitled, legend_below, new_axes, off_screen
+from .canvas import entitled, headline, legend_below, new_axes, off_screen
 from .plot import DRAWN, phases_in_words, title
 from .style import COLOURS, SHADE, STYLE, label_of, unit_labels
 
 if TYPE_CHECKING:
     from ..hops import Simulation
-    from ..periodic import Orbit
+    from ..periodic import Orbit, Swing
 
 EDGE, WALL = "#4c4c4c", "#8c8c8c"  # colours of the ground's edge and of what is fixed
 
@@ -250,6 +250,26 @@ def plot_in_plane(orbit: "Orbit", axes: Axes | None = None) -> Axes:
     axes.tick_params(axis="x", length=0)
     axes.set_xlabel("time" + seconds)
     return legend_below(entitled(axes, title(orbit)))
+
+
+def plot_swing(swing: "Swing", axes: Axes | None = None) -> Axes:
+    """Plot a machine at instants of a swing from hold to hold over one another, the later the darker; return the
+    axes."""
+    t = np.linspace(0.0, swing.period * (1 - 1e-12), DRAWN.swing_instants)
+    paths, (metres, *_) = plane_paths(swing.drawn, swing(t), np.zeros(len(t), int)), unit_labels(swing.source.units)
+    across, span = _extent_of([each for each in paths if not each.outline.fixed])
+    axes = new_axes(float(np.clip(np.ptp(span) / np.ptp(across) + 0.2, 0.4, 0.9))) if axes is None else axes
+    _set(axes, across, span, metres)
+    for i, shade in enumerate(np.linspace(0.15, 1.0, len(t)).tolist()):
+        named = set[str]()
+        for each in paths:
+            if i < len(t) - 1 and (each.outline.traced or each.outline.fixed):
+                continue
+            label = None if i < len(t) - 1 or each.outline.fixed or each.outline.name in named else each.outline.name
+            named.add(each.outline.name)
+            artist = _artist(axes, each, _drawn_points(each, i), label and label_of(label))
+            artist.set(alpha=shade, clip_on=True)
+    return legend_below(headline(axes, swing.machine))
 
 
 def animate_in_plane(

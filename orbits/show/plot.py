@@ -54,6 +54,7 @@ class Drawn(NamedTuple):
     width_of_bar: float = 0.38  # whose neighbours are 1 apart
     bars: int = 40  # of a histogram, at most
     cycles_onward: int = 4  # of a machine that goes on in an animation, which shows two of one that comes back
+    swing_instants: int = 9  # of a swing from hold to hold, drawn over one another
     times_of_cycle: int = 60  # of a machine on a page
     cycles_on_page: int = 12  # until a machine looks as at first, at most
     alike: float = 1e-6  # share of its size by which a machine that looks as at first differs

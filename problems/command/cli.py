@@ -114,6 +114,7 @@ def orbits() -> None:
 @options.start_option
 @options.tune_option
 @options.at_option
+@click.option("--all", "every", is_flag=True, help="Find all orbits of the family, or all swings of a brachiator.")
 @click.option("--allow-inadmissible", is_flag=True, help="Exit with 0 even if the orbit is not a motion.")
 @options.limit_option
 @options.json_option
@@ -124,29 +125,46 @@ def orbits() -> None:
 @options.export_option
 def find_command(
     family: int, method: str | None, hop: str | None, tune: tuple[str, ...], prescribed: tuple[str, ...],
-    allow_inadmissible: bool, limit: float | None, as_json: bool, explain: bool, plot: str | None, animate: str | None,
-    save: str | None, export: str | None, **stated: Any,
+    every: bool, allow_inadmissible: bool, limit: float | None, as_json: bool, explain: bool, plot: str | None,
+    animate: str | None, save: str | None, export: str | None, **stated: Any,
 ) -> None:  # fmt: skip
-    """Find one lossless orbit and certify it. With --tune and --at, parameters of the machine are found too."""
+    """Find one lossless orbit and certify it. With --tune and --at, parameters of the machine are found too.
+
+    Of a brachiator it finds the fastest swing. With --all and --json the document of the first orbit has those of all
+    orbits under the key all.
+    """
     from orbits.errors import InputError
-    from orbits.periodic import Oscillation, find
+    from orbits.io import to_json
+    from orbits.periodic import Oscillation, Swing, find, find_all, grip_of
 
     from ..machines import build, search
 
     stated_family = click.get_current_context().get_parameter_source("family") is not ParameterSource.DEFAULT
     stated, tuned = options.with_tuned(stated, tune)
     statement, where = options.statement_of(**stated)
-    requested, machine = family if hop is None or stated_family else None, build(statement, where)
-    own = search(statement, where)
+    machine, own = build(statement, where), search(statement, where)
+    requested = family if stated_family or not (hop or grip_of(machine)) else None
+    start, tune_of = options.started(machine, hop) or own.get("start"), tuned or own.get("tune")
+    at = options.named_values(prescribed, "--at") or own.get("at")
     with options.progress() as report:
-        orbit = find(
-            machine, requested, method=method, progress=report, limit=limit,
-            start=options.started(machine, hop) or own.get("start"), tune=tuned or own.get("tune"),
-            at=options.named_values(prescribed, "--at") or own.get("at"),
-        )  # fmt: skip
+        if every:
+            if start or tune_of or at:
+                raise InputError("--all searches the machine as it is stated: leave out --start, --tune and --at")
+            found = find_all(machine, family=requested, method=method, progress=report, limit=limit)
+        else:
+            found = (
+                find(machine, requested, method=method, progress=report, limit=limit, start=start, tune=tune_of, at=at),
+            )
+    orbit: Any = found[0]
     if isinstance(orbit, Oscillation) and (animate or export or explain):
         raise InputError("--animate, --export and --explain are for hops, not for oscillations")
-    options.write(orbit, as_json, plot, animate, save, export)
+    if isinstance(orbit, Swing) and (export or explain):
+        raise InputError("--export and --explain are for hops, not for swings")
+    if every and as_json:
+        click.echo(to_json({**orbit.document(), "all": [each.document() for each in found]}))
+    options.write(orbit, as_json, plot, animate, save, export, silent=every and as_json)
+    for each in found[1:] if not as_json else ():
+        click.echo(str(each))
     if explain and not as_json:
         from orbits.tables import wrapped
 
@@ -346,7 +364,6 @@ def follow_command(
     It can also follow several families, or an event of a family in two parameters.
     """
     from orbits.continuation import Family, follow
-    from orbits.periodic import OscillationFamily
 
     values = options.numbers("--at", at, float) if at else []
     before = None if resume is None else Family.load(resume)
@@ -369,7 +386,7 @@ def follow_command(
         from orbits.continuation import orbit_at
         from orbits.show import plot_family, save_figure, spread, thumbnails
 
-        if several or isinstance(followed, OscillationFamily):
+        if several or not (of_event or isinstance(followed, Family)):
             axes = followed.plot()
         elif of_event:
             axes = plot_family(followed, quantity=along)

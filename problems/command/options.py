@@ -37,13 +37,13 @@ machine_options = combined(
     click.option(
         "--machine",
         metavar="KIND|FILE.toml",
-        help="Kind of machine: hopper (the default), juggler, wheel, rocker, shuttle, runner, walker or "
-        "alternating-hopper; or a file that states it. A wheel, a rocker and a shuttle step. They take "
+        help="Kind of machine: hopper (the default), juggler, wheel, rocker, shuttle, runner, walker, "
+        "brachiator or alternating-hopper; or a file that states it. A wheel, a rocker and a shuttle step. They take "
         "--set inertia_ratio=J/A and gravity_ratio=M*g*l/k (M*g*h/k for a rocker). Their angles are small unless you "
         "set angle=a in rad, which is half the angle between spokes or walls (tan a = b/h for a rocker). A runner "
         "takes --set foot_mass=M, rest_length=L, inertia=I, hip_stiffness=K and its other parameters, a walker "
-        "--set leg_mass=M, leg_centre=D, torso_inertia=J, hip_stiffness=K and others, and an alternating-hopper "
-        "--set foot_mass=M and --rest-length L.",
+        "--set leg_mass=M, leg_centre=D, torso_inertia=J, hip_stiffness=K and others, a brachiator "
+        "--set arm_mass=M, arm_centre=D and others, and an alternating-hopper --set foot_mass=M and --rest-length L.",
     ),
     click.option(
         "--mass-ratio",
@@ -190,9 +190,9 @@ animate_option = file_option("--animate", "animation", "Write an animation (.gif
 
 def write(
     result: Any, as_json: bool, plot: str | None = None, animate: str | None = None, save: str | None = None,
-    export: str | None = None,
+    export: str | None = None, silent: bool = False,
 ) -> None:  # fmt: skip
-    """Write the requested files, and print the result as one JSON document or in words."""
+    """Write the requested files, and unless `silent` print the result as one JSON document or in words."""
     from orbits.io import to_json
 
     if plot is not None:
@@ -206,7 +206,8 @@ def write(
         result.save(save)
     if export is not None:
         result.export(export)
-    click.echo(to_json(result.document()) if as_json else str(result))
+    if not silent:
+        click.echo(to_json(result.document()) if as_json else str(result))
 
 
 def numbers(option: str, text: str, kind: Callable, separator: str = ",") -> list:
@@ -355,7 +356,8 @@ def started(machine: "MachineOfFile", hop: str | None) -> str | None:
     from orbits.errors import InputError
     from orbits.periodic import LinearSearch
 
-    if hop is None and not ((model := machine.model).one_speed or model.sticks or LinearSearch.finds_families(machine)):
+    model = machine.model
+    if hop is None and model.lands and not (model.one_speed or model.sticks or LinearSearch.finds_families(machine)):
         names = ", ".join(model.launch_unknowns)
         raise InputError(
             f"a launch of this {model.name} has several numbers, {names}: give a saved orbit, --start FILE; in "
@@ -558,18 +560,18 @@ def statement_of(
     """
     from orbits.errors import InputError
 
-    from ..machines import GROUND_PARAMETERS, KINDS, MASSES, SAME_IN_SI, STEPPING, read, si_keys_of
+    from ..machines import FUNCTIONS, GROUND_PARAMETERS, KINDS, MASSES, SAME_IN_SI, read, si_keys_of
 
     statement: dict[str, Any] = {"machine": machine or "hopper"}
     where = "the options"
-    if machine is not None and machine not in (*KINDS, *STEPPING):
+    if machine is not None and machine not in (*KINDS, *FUNCTIONS):
         if not machine.endswith(".toml"):
-            known = ", ".join((*KINDS, *STEPPING))
+            known = ", ".join((*KINDS, *FUNCTIONS))
             raise InputError(f"--machine {machine!r} must be a .toml file, or one of {known}")
         statement, where = read(machine), machine
     if masses is not None:
         names = MASSES.get(str(statement.get("machine", "hopper")), MASSES["hopper"])
-        if statement.get("machine") in STEPPING and not {*names} <= {*si_keys_of(statement)}:
+        if statement.get("machine") in FUNCTIONS and not {*names} <= {*si_keys_of(statement)}:
             raise InputError(
                 f"--masses {masses!r}: only hopping machines have them; a {statement['machine']} needs a table [si]"
             )

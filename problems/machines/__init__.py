@@ -6,9 +6,11 @@ from orbits.public_names import public_names
 
 if TYPE_CHECKING:
     from .alternating_hopper import alternating_hopper
+    from .brachiator import brachiator
     from .chain import Chain
     from .chain_hand import chain_hand
     from .files import (
+        FUNCTIONS,
         GROUND_PARAMETERS,
         KINDS,
         MASSES,

@@ -15,8 +15,8 @@ mass = 2.0
 stiffness = 50.0
 
 a machine that steps, "wheel", "rocker" or "shuttle", by its ratios or, in [si], by the arguments of its function in
-`problems.machines.steps`, and a "runner", "walker" or "alternating-hopper" by those of its function in [parameters] or
-in [si],
+`problems.machines.steps`, and a "runner", "walker", "brachiator" or "alternating-hopper" by those of its function in
+[parameters] or in [si],
 
 machine = "wheel"               machine = "wheel"
 spring = "r + beta*r**3"        [si]
@@ -58,6 +58,7 @@ from orbits.mechanics import Ground
 from orbits.symbolic import suggest
 
 from .alternating_hopper import alternating_hopper
+from .brachiator import brachiator
 from .hopper import Hopper
 from .juggler import Juggler
 from .runner import runner
@@ -75,15 +76,17 @@ STEPPING: dict[str, Callable[..., Mechanism]] = {
     **{"wheel": rimless_wheel, "rocker": rocking_block, "shuttle": shuttle, "runner": runner, "walker": walker},
     "alternating-hopper": alternating_hopper,
 }
+# All machines that a function states by their own numbers.
+FUNCTIONS: dict[str, Callable[..., Mechanism]] = {**STEPPING, "brachiator": brachiator}
 # Those that have the same numbers without units as in SI.
-SAME_IN_SI = tuple(kind for kind, build in STEPPING.items() if "in_si" in signature(build).parameters)
+SAME_IN_SI = tuple(kind for kind, build in FUNCTIONS.items() if "in_si" in signature(build).parameters)
 SI_KEYS_OF_STEPS = {
     kind: [
         name
         for name in signature(build).parameters
         if name not in ("spring", "hip_spring", "parameters", "in_si", *RATIOS) or (kind, name) == ("shuttle", "angle")
     ]
-    for kind, build in STEPPING.items()
+    for kind, build in FUNCTIONS.items()
 }
 OWN_KEYS = ("spring", "mass_ratio", "rest_length")
 COMMON_KEYS = ("gravity", "restitution", "damping", "drag", "parameters", "ground")
@@ -185,9 +188,9 @@ def build(statement: dict[str, object], where: str = "the options") -> MachineOf
 
 def _build(statement: dict[str, Any]) -> MachineOfFile:
     kind = statement.get("machine", "hopper")
-    if not isinstance(kind, str) or kind not in (*KINDS, *STEPPING):
-        raise InputError(f"unknown machine {kind!r}{suggest(kind, (*KINDS, *STEPPING))}")
-    if kind in STEPPING:
+    if not isinstance(kind, str) or kind not in (*KINDS, *FUNCTIONS):
+        raise InputError(f"unknown machine {kind!r}{suggest(kind, (*KINDS, *FUNCTIONS))}")
+    if kind in FUNCTIONS:
         return _stepping_machine(kind, statement)
     common = {name: statement[name] for name in COMMON_KEYS if name in statement}
     if "ground" in common:
@@ -209,14 +212,15 @@ def _build(statement: dict[str, Any]) -> MachineOfFile:
 
 
 def _stepping_machine(kind: str, statement: dict[str, Any]) -> Mechanism:
-    """A machine that steps. Those of its own numbers that are keys of machines that hop, as a rest length, may be keys
-    too."""
-    own_names = SI_KEYS_OF_STEPS[kind] if kind in SAME_IN_SI else (*RATIOS, "friction")
-    known = [name for name in own_names if name in signature(STEPPING[kind]).parameters]
+    """A machine that its own function states. Those of its numbers that are keys of machines that hop, as a rest
+    length, may be keys too."""
+    arguments = signature(FUNCTIONS[kind]).parameters
+    own_names, sprung = SI_KEYS_OF_STEPS[kind] if kind in SAME_IN_SI else (*RATIOS, "friction"), "spring" in arguments
+    known = [name for name in own_names if name in arguments]
     apart = {name: statement[name] for name in OWN_KEYS if name in statement and name in known}
-    article = "an" if kind[0] == "a" else "a"
-    if other := [name for name in statement if name in KEYS and name not in (*KEYS_OF_STEPS, *apart)]:
-        has = f"{article} {kind} has {', '.join(known)} and a spring"
+    own_keys = {*KEYS_OF_STEPS, *apart} - (set() if sprung else {"spring"})
+    if other := [name for name in statement if name in KEYS and name not in own_keys]:
+        has = f"{'an' if kind[0] == 'a' else 'a'} {kind} has {', '.join(known)}{' and a spring' if sprung else ''}"
         raise InputError(f"'{other[0]}' belongs to machines that hop: {has}")
     values, own = dict(statement.get("parameters", {})), statement.get("si")
     if both := [name for name in apart if name in (values if own is None else own)]:
@@ -227,8 +231,11 @@ def _stepping_machine(kind: str, statement: dict[str, Any]) -> Mechanism:
         _check_keys("[si]", own, si_keys_of(statement))
         own = {**own, **({"in_si": True} if kind in SAME_IN_SI else {})}
     own |= apart
+    if not sprung:
+        _check_keys(f"parameters of a {kind}", values, known)
+        return FUNCTIONS[kind](**own)
     spring = {"spring": statement["spring"]} if "spring" in statement else {}
-    return STEPPING[kind](**own, **spring, parameters=values)
+    return FUNCTIONS[kind](**own, **spring, parameters=values)
 
 
 def _ground(statement: dict[str, Any]) -> Ground:

@@ -1,0 +1,104 @@
+"""A contact that holds both ways and opens by choice, as a hand does: the swings of a machine from hold to hold.
+
+A machine with one grip hangs, and has no gap. At the next hold a second grip closes, and the coordinates that rest
+while both hold have places that a few numbers of the release determine; the others move on. A release needs no
+condition on the forces, since a grip bears all of them. A lossless swing leads from a release to its mirror image under
+the reversor, where the second grip closes without an impact; with the grips' names exchanged it is the release again.
+So half a swing leads from a release to a state that the reversor leaves as it is: n conditions for n coordinates, in
+n - 1 numbers of the release and the time.
+"""
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from types import MappingProxyType
+from typing import Any
+
+from ..errors import InputError
+from ..laws import Algebraic, Parameters
+from ..symbolic import suggest
+from .elements import Scalar, names_in, value_of
+
+# The unknown of a swing besides the numbers of its release.
+HALF_SWING = "half_swing"
+
+
+@dataclass(frozen=True)
+class Grip:
+    """The second grip of a machine that swings from hold to hold, as `Mechanism(gap=None, grip=...)` states it.
+
+    places : of the coordinates that rest while both grips hold: formulas of the numbers of the release and of the
+        parameters, by coordinate
+    release : the least and the largest value, as formulas of the parameters, within which the search looks for each
+        number of the release: those in `places`, and of each other coordinate its rate, such as "body'", where the
+        reversor turns the coordinate to its negative, or its place. The other one of the two is 0
+    step : the distance of two holds, a formula of the numbers of the release
+    clearance : the distance of the free grip from what it takes hold of, which must not vanish within a swing, a
+        formula of the coordinates
+    longest : the longest half of a swing that is searched
+
+    Raises `InputError` for formulas that are not text.
+    """
+
+    places: Mapping[str, Scalar]
+    release: Mapping[str, tuple[Scalar, Scalar]]
+    step: Scalar
+    clearance: str
+    longest: Scalar
+
+    def __post_init__(self) -> None:
+        for name in ("places", "release"):
+            object.__setattr__(self, name, MappingProxyType(dict(getattr(self, name))))
+
+    def __hash__(self) -> int:
+        return hash((*self.places.items(), *self.release.items(), self.step, self.clearance, self.longest))
+
+    def __reduce__(self) -> tuple:
+        return Grip, (dict(self.places), dict(self.release), self.step, self.clearance, self.longest)
+
+    @property
+    def unknowns(self) -> tuple[str, ...]:
+        """The names of the unknowns of half a swing."""
+        return *self.release, HALF_SWING
+
+    def start(self, coordinates: Sequence[str], u: Parameters, p: Parameters) -> list[Algebraic]:
+        """The state (2n,) at a release."""
+        places = {name: value_of(place, u, p) for name, place in self.places.items()}
+        own = [(places.get(name, u.get(name, 0.0)), u.get(f"{name}'", 0.0)) for name in coordinates]
+        return [part for pair in own for part in pair]
+
+    def expressions(self) -> Iterator[tuple[Scalar, str]]:
+        """Each formula, with what it may depend on besides parameters: nothing, a release, or a place."""
+        yield from ((value, "release") for value in (*self.places.values(), self.step))
+        yield from ((value, "") for ends in self.release.values() for value in ends)
+        yield from ((self.clearance, "place"), (self.longest, ""))
+
+
+def refuse_misheld(m: Any, known: set[str]) -> None:
+    """Raise `InputError` for a grip that a `Mechanism` with parameters of these names cannot have."""
+    grip: Grip = m.grip
+    if not isinstance(grip, Grip):
+        raise InputError(f"grip = {grip!r}; it must be a Grip, see `orbits.mechanics.Grip`")
+    if m.gap is not None or m.reversor is None:
+        raise InputError("a machine with a grip hangs by another one: it needs gap=None, and a reversor")
+    if unknown := [name for name in grip.places if name not in m.coordinates]:
+        raise InputError(f"grip: there is no coordinate '{unknown[0]}'{suggest(unknown[0], m.coordinates)}")
+    own = {"release": {*grip.release}, "place": {*m.coordinates}, "": set()}
+    for text, kind in grip.expressions():
+        if callable(text):
+            raise InputError(f"grip: {text!r} is a Python function; its numbers must be formulas")
+        if wrong := sorted(names_in(text) - own[kind] - known):
+            raise InputError(f"grip: '{text}' has '{wrong[0]}'{suggest(wrong[0], sorted(own[kind] | known))}")
+    used = {name for place in grip.places.values() for name in names_in(place)}
+    for name in m.coordinates:
+        found = [each for each in (name, f"{name}'") if each in grip.release]
+        if len(found) != (name not in grip.places):
+            each = f"a place in places, or in release either '{name}' or \"{name}'\""
+            raise InputError(f"grip: coordinate '{name}' needs {each}")
+        used |= {*found}
+    if odd := [name for name in grip.release if name not in used or name in known]:
+        raise InputError(f"grip: '{odd[0]}' in release must be a number of places, or a rate that is left")
+    if len(grip.release) != len(m.coordinates) - 1:
+        raise InputError(
+            f"grip: release has {len(grip.release)} numbers; {len(m.coordinates)} coordinates need "
+            f"{len(m.coordinates) - 1}, one for each condition of half a swing but its time"
+        )

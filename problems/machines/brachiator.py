@@ -1,0 +1,149 @@
+"""A brachiator: two arms that swing from hold to hold under a bar, and lose no energy, with or without a body.
+
+The arm that holds makes the angle held with the vertical below its hand, the free arm the angle free with the vertical
+below the shoulder, which they share, and a body that hangs from the shoulder the angle body. With the arms' length L,
+the free hand is at the distance L (cos(held) + cos(free)) below the bar. Both arms are at rest while both hands hold:
+with the angle beta at release, held = -beta and free = beta - pi, and the holds are 2 L sin(beta) apart. The machine
+passes the middle of a swing where all angles are 0, and the second half is the mirror image of the first:
+
+    held, free, body -> -(held, free, body)
+
+in reversed time. A swing is lossless where the free hand comes to rest at the bar just as the other arm does. Two arms
+alone have one number at release, beta, and with half the time two unknowns for two equations. With a body the speed of
+that at release is one more unknown, and its angle in mid-swing one more equation. See Gomes and Ruina, J. Theoretical
+Biology 237 (2005) 265-278.
+"""
+
+from collections.abc import Mapping
+from math import inf
+from typing import Any
+
+from orbits import Mechanism
+from orbits.errors import InputError, true_or_false
+from orbits.laws import number
+from orbits.mechanics import Drawing, Grip, Mass, Outline
+
+from .parameters import gravity_in_si
+
+# The numbers of a brachiator without units where they are not stated, and the units of those in SI.
+WITHOUT_UNITS = {
+    "mass": 1.0, "arm_mass": 0.25, "arm_length": 1.0, "arm_centre": 0.5, "body_inertia": 0.0, "body_centre": 0.0,
+}  # fmt: skip
+UNITS = {
+    "mass": "kg", "arm_mass": "kg", "arm_length": "m", "arm_centre": "m", "arm_inertia": "kg m^2",
+    "body_inertia": "kg m^2", "body_centre": "m",
+}  # fmt: skip
+ROD = "arm_mass*arm_length**2/12"
+TIME = "sqrt(arm_length/surface_gravity)"
+SHOULDER = ("arm_length*sin(held)", "-arm_length*cos(held)")
+
+
+def brachiator(
+    arm_mass: float | None = None, arm_centre: float | None = None, arm_inertia: float | None = None, *,
+    body_inertia: float | None = None, body_centre: float | None = None, mass: float | None = None,
+    arm_length: float | None = None, surface_gravity: float | None = None, in_si: bool = False,
+) -> Mechanism:  # fmt: skip
+    """Two arms that swing from hold to hold under a bar, with a point mass at the shoulder or a body that hangs there.
+
+    arm_mass : of each arm; mass - 2*arm_mass is at the shoulder, or is the body's
+    arm_centre : the distance of an arm's centre of mass from the shoulder
+    arm_inertia : of an arm about its centre of mass; where it is None, that of a rod, arm_mass*arm_length**2/12, also
+        while these two vary
+    body_inertia, body_centre : of a body that turns about the shoulder, about its centre of mass, and the distance of
+        this below the shoulder; both are left out where the mass is at the shoulder itself
+    mass, arm_length : of the whole machine, and of each arm. Without units the defaults of these two are 1, and of
+        arm_mass and arm_centre 0.25 and 0.5; in SI each must be stated, in kg, m and kg m^2
+    surface_gravity : 1, or in SI 9.80665 m/s^2, where it is None
+    in_si : whether all numbers are in SI; otherwise they are in any consistent units
+
+    `find` returns the fastest of its `Swing`s, and `find_all` all of them. Raises `InputError` for numbers that no
+    brachiator has, and for missing numbers in SI.
+
+    >>> from orbits import find_all
+    >>> from problems import brachiator
+    >>> [round(swing.mean_speed, 4) for swing in find_all(brachiator())][:3]
+    [0.4872, 0.2017, 0.0508]
+    """
+    in_si = true_or_false("in_si", in_si)
+    gravity = 1.0 if surface_gravity is None and not in_si else gravity_in_si(surface_gravity)
+    stated = {
+        "mass": mass, "arm_mass": arm_mass, "arm_length": arm_length, "arm_centre": arm_centre,
+        "arm_inertia": arm_inertia, "body_inertia": body_inertia, "body_centre": body_centre,
+    }  # fmt: skip
+    turns = body_inertia is not None or body_centre is not None
+    used = [name for name in WITHOUT_UNITS if turns or not name.startswith("body")]
+    missing = [name for name in used if in_si and stated[name] is None and name != "body_centre"]
+    if missing:
+        needed = ", ".join(f"{name} ({UNITS[name]})" for name in missing)
+        raise InputError(f"a brachiator in SI needs {needed}: only one without units has default values")
+    own: dict[str, Any] = {name: WITHOUT_UNITS[name] if stated[name] is None else stated[name] for name in used}
+    own |= {} if arm_inertia is None else {"arm_inertia": arm_inertia}
+    own = {name: number(name, value) for name, value in own.items()} | {"surface_gravity": gravity}
+    _refuse(own)
+    release: dict[str, tuple[str, str]] = {"angle": ("0", "pi")}
+    body = ("-arm_length*cos(held) - body_centre*cos(body)", "arm_length*sin(held) + body_centre*sin(body)")
+    body_own = {"body": "body_inertia"} if turns else {}
+    if turns:
+        release |= {"body'": (f"-3/{TIME}", f"3/{TIME}")}
+    arms = ("held", "free")
+    angles = (*arms, "body") if turns else arms
+    centre = "(arm_length - arm_centre)"
+    return Mechanism(
+        name="brachiator",
+        coordinates=angles,
+        elements=[
+            Mass(f"-{centre}*cos(held)", "arm_mass", across=f"{centre}*sin(held)"),
+            Mass(f"{SHOULDER[1]} - arm_centre*cos(free)", "arm_mass", across=f"{SHOULDER[0]} + arm_centre*sin(free)"),
+            Mass(body[0] if turns else SHOULDER[1], "mass - 2*arm_mass", across=body[1] if turns else SHOULDER[0]),
+        ],
+        gap=None,
+        inertia=dict.fromkeys(arms, ROD if arm_inertia is None else "arm_inertia") | body_own,
+        surface_gravity="surface_gravity",
+        parameters=own,
+        counts="held",
+        angles=angles,
+        reversor={name: f"-{name}" for name in angles},
+        grip=Grip(
+            places={"held": "-angle", "free": "angle - pi"},
+            release=release,
+            step="2*arm_length*sin(angle)",
+            clearance="arm_length*(cos(held) + cos(free))",
+            longest=f"4.5*{TIME}",
+        ),
+        bounds={name: (0.0, inf) for name in ("mass", "arm_mass", "arm_length", "arm_inertia", "body_inertia")
+                if name in own},
+        separation="arm_length*cos(held)",
+        words={"separation": "the shoulder rises above the bar"},
+        in_si=in_si,
+        drawing=_drawn(turns),
+    )  # fmt: skip
+
+
+def _refuse(own: Mapping[str, float]) -> None:
+    """Raise `InputError` for numbers that no brachiator has."""
+    for name in ("mass", "arm_mass", "arm_length"):
+        if not own[name] > 0:
+            raise InputError(f"{name} = {own[name]:g}; for a brachiator it must lie above 0")
+    if not 2 * own["arm_mass"] < own["mass"]:
+        raise InputError(f"arm_mass = {own['arm_mass']:g}; two arms must be lighter than mass = {own['mass']:g}")
+    if own.get("arm_inertia", 0.0) < 0 or own.get("body_inertia", 0.0) < 0:
+        raise InputError("arm_inertia and body_inertia of a brachiator must not lie below 0")
+
+
+def _drawn(turns: bool) -> Drawing:
+    """Two arms, a shoulder, and the bar."""
+    hand = ("arm_length*(sin(held) + sin(free))", "-arm_length*(cos(held) + cos(free))")
+    trunk = ("arm_length*sin(held) + arm_length*sin(body)/2", "-arm_length*cos(held) - arm_length*cos(body)/2")
+    body = [Outline("body", [SHOULDER, trunk if turns else SHOULDER], ends=True)]
+    bar = [(f"{share}*arm_length*sin(angle)", "0") for share in (-3, 7)]
+    return Drawing(
+        [
+            Outline("bar", bar, fixed=True),
+            Outline("holding arm", [("0", "0"), SHOULDER]),
+            Outline("free arm", [SHOULDER, hand]),
+            *body,
+            Outline("path of the free hand", [hand], traced=True),
+        ],
+        onward={"x": "x + 2*arm_length*sin(angle)"},
+        ground=False,
+    )
