@@ -55,7 +55,7 @@ def shown_fields(scene: Scene, dials: list[Dial], has_python_machine: bool) -> d
             "spring": "" if rows else scene.spring,
             "gravity": scene.gravity,
             "fixed": fixed,
-            "steps": "runs" if scene.tuned else "yes" if scene.steps else "no",
+            "steps": "runs" if scene.machine in SAME_IN_SI else "yes" if scene.steps else "no",
             "floating": None if free is None else free not in scene.numbers,
             "rows": rows and {"name": rows.name, "branch": rows.branch or "", "noise": rows.noise},
             "along": scene.along,

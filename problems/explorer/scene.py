@@ -17,6 +17,7 @@ from typing import Any, NamedTuple
 from orbits.errors import InputError, finite_number, whole_number
 from orbits.laws import Law
 from orbits.model import Machine, free_parameters
+from orbits.periodic import LinearSearch
 from orbits.symbolic import parse, suggest
 from orbits.units import STANDARD_GRAVITY
 
@@ -405,7 +406,11 @@ def scene_of_machine(machine: Machine) -> Scene:
     Raises `InputError` for a machine that sticks, except a runner with plain springs: its numbers have to be tuned.
     """
     if machine.model.sticks:
-        return _scene_of_runner(machine)
+        if scene := _scene_by_numbers(machine, RUNNER):
+            return scene
+        raise InputError("the page tunes only a `problems.runner` with plain springs: call find(tune=) for others")
+    if LinearSearch.finds_families(machine) and (scene := _scene_by_numbers(machine, TWO_FEET)):
+        return scene
     if isinstance(machine, AnyMachine) and machine.kind in KINDS:
         words = machine.describe()
         si = isinstance(machine, MachineInSI)
@@ -422,14 +427,13 @@ def scene_of_machine(machine: Machine) -> Scene:
     return scene_with_fixed_laws(machine)
 
 
-def _scene_of_runner(machine: Machine) -> Scene:
-    """The scene of a runner; raises `InputError` for another machine that sticks."""
+def _scene_by_numbers(machine: Machine, kind: str) -> Scene | None:
+    """The scene of a machine of a kind with plain springs; None for another machine."""
     si = machine.units is not None
-    numbers = {SPEED_OF_RUN: BEGINNINGS[RUNNER, si]["numbers"][SPEED_OF_RUN], **machine.values}
-    scene = Scene(RUNNER, si, LINEAR_IN_SI, numbers=numbers, along=SPEED_OF_RUN).complete()
-    if {**scene.build().describe()} != {**machine.describe()}:
-        raise InputError("the page tunes only a `problems.runner` with plain springs: call find(tune=) for others")
-    return scene
+    begun = BEGINNINGS[kind, si]
+    numbers = {begun["along"]: begun["numbers"][begun["along"]], **machine.values}
+    scene = Scene(kind, si, begun["spring"], numbers=numbers, along=begun["along"]).complete()
+    return scene if {**scene.build().describe()} == {**machine.describe()} else None
 
 
 def _own_numbers(scene: Scene) -> dict[str, float]:

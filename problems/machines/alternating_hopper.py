@@ -119,7 +119,7 @@ def _drawn() -> Drawing:
     feet = [(across, foot) for (across, _), (_, foot) in zip(hips, SIDES.values(), strict=True)]
     legs = [Outline(f"{side} leg", [foot, hip], ends=True) for side, foot, hip in zip(SIDES, feet, hips, strict=True)]
     top = [(f"{end}*rest_length{MIRRORED_BY_STEPS}", "body + 1.1*rest_length") for end in (0.1, -0.1)]
-    return Drawing([*legs, Outline("body", [*hips, *top], closed=True)], onward={"x": "-x"})
+    return Drawing([Outline("body", [*hips, *top], closed=True), *legs], onward={"x": "-x"})
 
 
 def _bodies() -> list[Body]:

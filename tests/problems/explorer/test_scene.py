@@ -5,7 +5,7 @@ from dataclasses import replace
 import pytest
 
 from orbits import InputError
-from problems import Hopper, Juggler, hopper_in_si, inerter_hopper, rocking_block, runner, shuttle
+from problems import Hopper, Juggler, alternating_hopper, hopper_in_si, inerter_hopper, rocking_block, runner, shuttle
 from problems.command.options import first_scene
 from problems.explorer import beginning
 from problems.explorer.scene import scene_of_machine
@@ -39,6 +39,16 @@ def test_any_other_machine_keeps_its_laws(machine):
     assert scene.with_numbers(**{name: 1.5}).build(machine).values[name] == 1.5
     with pytest.raises(InputError, match="made in Python"):
         scene.build()
+
+
+@pytest.mark.parametrize("own", [{}, {"body_mass": 5.0, "stiffness": 2500.0, "in_si": True}])
+def test_a_hopper_on_two_feet_made_in_python_has_its_sliders(own):
+    machine = alternating_hopper(20.0, 60.0, **own)
+    scene = scene_of_machine(machine)
+    assert (scene.machine, scene.si, scene.along) == ("alternating-hopper", bool(own), "foot_mass")
+    assert scene.build().describe() == machine.describe()
+    stiffening = alternating_hopper(spring="r + b*r**3", parameters={"b": 0.1})
+    assert scene_of_machine(stiffening).fixed_laws
 
 
 def test_a_runner_made_in_python_is_tuned_on_the_page():

@@ -149,7 +149,7 @@ def test_feet_keep_their_places_in_a_drawing():
     machine = alternating_hopper(rest_length=45.0)
     orbit = find(machine)
     t = np.array([0.0, orbit.flight_time, orbit.period]) + 1e-9
-    left, right, _ = plane_paths(machine, orbit(t), np.array([0, 1, 1]))
+    _, left, right = plane_paths(machine, orbit(t), np.array([0, 1, 1]))
     assert left.points[:, 0] == pytest.approx(np.column_stack([[-9.0] * 3, [0.0, 9.66376, 9.66376]]), abs=1e-4)
     assert right.points[:, 0] == pytest.approx(np.column_stack([[9.0] * 3, [9.66376, 0.0, 0.0]]), abs=1e-4)
 
