@@ -9,7 +9,7 @@ import pytest
 from conftest import slow_after
 from rods import on_two_legs, point
 
-from orbits import find
+from orbits import find, find_all
 from problems import brachiator, walker
 
 CASES = Path(__file__).parent.parent / "studies" / "exact_orbits" / "cases"
@@ -25,8 +25,19 @@ WALKERS = [
     (0.0315, 0.4287, 0.00182, 0.0, 0.0968, 0.4942, 0.52, 0.27),
     (0.184, 0.5414, 0.0116, 0.0131, 0.0, 0.1378, 0.075, 0.32),
     (0.0558, 0.864, 0.00199, 0.059, 0.1645, 0.2132, 0.75, 0.10),
-    (0.0902, 0.4244, 0.00784, 0.0601, 0.0643, 0.5287, 0.64, 0.27),
     (0.1386, 0.5081, 0.00944, 0.0, 0.1267, 0.2551, 0.17, 0.17),
+]
+# Brachiators at random: arm_mass, arm_centre, arm_inertia, and the angle of the fastest swing by that search.
+BRACHIATORS = [
+    (0.2901, 0.3963, 0.02576, 1.254),
+    (0.1617, 0.5712, 0.00874, 0.988),
+    (0.0875, 0.4532, 0.00145, 1.193),
+    (0.2886, 0.8296, 0.02174, 1.396),
+    (0.131, 0.9086, 0.00346, 0.141),
+    (0.1338, 0.3726, 0.00263, 1.403),
+    (0.3053, 0.5024, 0.01659, 1.499),
+    (0.1607, 0.7225, 0.00289, 0.866),
+    (0.1006, 0.3668, 0.00686, 0.959),
 ]
 
 
@@ -57,23 +68,23 @@ def stepped(leg, body, angle, rates, times, stiffness=0.0, leg_spring=0.0):
 
 
 def swung(arm, body, angle, half_swing, body_rate=0.0):
-    """The rates in mid-swing of both arms and of the body below them, after checks that two swings lose nothing.
+    """The rates in mid-swing of both arms and of the body below them, after checks that a swing loses nothing.
 
-    The machine hangs straight down in the middle of each swing, and both arms are at rest at its end, with the free
-    hand at the next hold. The angles of rods are from the vertical above, so that their rates have the other sign.
+    The machine hangs straight down in the middle, and at the end both arms are at rest with the free hand at the next
+    hold, and the body is as at the start. The angles of rods are from the vertical above, and fall where those of the
+    machine grow.
     """
-    one, other = (on_two_legs(arm, body, ends) for ends in ((0,), (1,)))
-    released = one.hung([np.pi + angle, np.pi - angle, 0.0], [0.0, 0.0, -body_rate])
-    first = one.move(released, np.linspace(0, 2 * half_swing, 3))
-    second = other.move(first[-1], np.linspace(0, 2 * half_swing, 3))
-    for path, rods, free, place in ((first, one, 1, 2), (second, other, 0, 4)):
-        assert rods.drift(path) < 1e-11
-        assert np.ptp(rods.energy(path)) < 1e-11
-        assert np.exp(1j * path[1, 0, [1 - free, free, 2], 2]) == pytest.approx(np.array([-1.0, 1.0, 1.0]), abs=1e-10)
-        hand = point(path[-1], free, arm[1] - 1)
-        assert hand == pytest.approx(np.array([[place * np.sin(angle), 0.0], [0.0, 0.0]]), abs=1e-9)
-        assert path[-1, 1, :, 2] == pytest.approx([0.0, 0.0, -body_rate], abs=1e-9)
-    return -first[1, 1, :, 2]
+    rods = on_two_legs(arm, body, (0,))
+    released = rods.hung([np.pi + angle, np.pi - angle, 0.0], [0.0, 0.0, -body_rate])
+    path = rods.move(released, np.linspace(0, 2 * half_swing, 3))
+    assert rods.drift(path) < 1e-11
+    assert np.ptp(rods.energy(path)) < 1e-11
+    assert path[1, 0, :, 2] == pytest.approx([np.pi, 0.0, 0.0], abs=1e-11)
+    hand = point(path[-1], 1, arm[1] - 1)
+    assert hand == pytest.approx(np.array([[2 * np.sin(angle), 0.0], [0.0, 0.0]]), abs=1e-9)
+    assert path[-1, 0, 2, 2] == pytest.approx(0.0, abs=1e-9)
+    assert path[-1, 1, :, 2] == pytest.approx([0.0, 0.0, -body_rate], abs=1e-9)
+    return -path[1, 1, :, 2]
 
 
 def stated(name):
@@ -97,21 +108,6 @@ def test_the_exact_brachiator():
     assert rates == pytest.approx([numbers["held_rate"], numbers["free_rate"], 0.0], abs=1e-11)
 
 
-@pytest.mark.parametrize(
-    ("numbers", "start"),
-    [
-        ({"arm_mass": 0.3, "arm_centre": 0.6}, None),
-        ({"arm_mass": 0.15, "body_inertia": 0.02, "body_centre": 0.2}, {"angle": 0.6, "body'": 0.6, "half_swing": 1.7}),
-    ],
-)
-def test_brachiators_that_are_found(numbers, start):
-    swing, m = find(brachiator(**numbers), start=start), numbers["arm_mass"]
-    body = (1 - 2 * m, -numbers.get("body_centre", 0.0), numbers.get("body_inertia", 1.0))
-    arm, rate = (m, numbers.get("arm_centre", 0.5), m / 12), swing.release.get("body'", 0.0)
-    rates = swung(arm, body, swing.angle, swing.half_swing, rate)
-    assert rates[: len(swing.rates)] == pytest.approx(swing.rates, abs=1e-11)
-
-
 def test_arms_of_another_inertia_do_not_pass():
     with pytest.raises(AssertionError):
         swung((0.25, 0.5, 0.0208), (0.5, 0.0, 1.0), 1.2072434456591203, 1.918479383230644)
@@ -128,3 +124,35 @@ def test_walkers_at_random(numbers):
     least, friction = stepped(leg, body, angle, walk.rates, times, stiffness, leg_spring)
     assert walk.certificate.smallest_contact_force == pytest.approx(least, abs=1e-4)
     assert walk.certificate.friction_needed == pytest.approx(friction, abs=1e-3)
+
+
+@pytest.mark.parametrize("numbers", slow_after(2, [(row,) for row in BRACHIATORS]))
+def test_brachiators_at_random(numbers):
+    *arm, angle = numbers
+    first, *others = [swing for swing in find_all(brachiator(*arm)) if swing.admissible]
+    assert first.angle == pytest.approx(angle, abs=1e-3)
+    for swing in (first, *others[:1]):
+        assert swing.mean_speed <= first.mean_speed
+        rates = swung(arm, (1 - 2 * arm[0], 0.0, 1.0), swing.angle, swing.half_swing)
+        assert swing.rates == pytest.approx(rates[:2], abs=1e-10)
+
+
+@pytest.mark.parametrize(
+    ("arm", "body", "near"),
+    slow_after(1, [
+        ((0.15, 0.5, 0.0125), (0.2, 0.02), (0.612, 0.612, 1.708)),
+        ((0.137, 0.54, 0.004), (0.307, 0.0113), (0.715, 1.261, 1.438)),
+        ((0.241, 0.442, 0.0133), (0.294, 0.0211), (0.748, 1.37, 1.555)),
+        ((0.125, 0.345, 0.0135), (0.376, 0.0164), (0.593, 0.475, 1.594)),
+    ]),
+)  # fmt: skip
+def test_brachiators_with_a_body(arm, body, near):
+    centre, inertia = body
+    machine = brachiator(*arm, body_centre=centre, body_inertia=inertia)
+    start = dict(zip(("angle", "body'", "half_swing"), near, strict=True))
+    swing = find(machine, start=start)
+    assert [*swing.release.values(), swing.half_swing] == pytest.approx(near, abs=1e-3)
+    whole = (1 - 2 * arm[0], -centre, inertia)
+    assert swing.rates == pytest.approx(
+        swung(arm, whole, swing.angle, swing.half_swing, swing.release["body'"]), abs=1e-10
+    )
