@@ -81,6 +81,8 @@ def check(machine: Machine, *, start: StartLike | None = None) -> Checked:
         kind = type(machine).__name__
         raise InputError(f"a {kind} states no mechanics to check: state an orbits.Mechanism")
     check_machine(machine)
+    if machine.model.height is not None:
+        raise InputError(f"the gap of a {machine.model.name} is a formula, with which check compares nothing")
     _refuse_numbers(machine)
     stated: Mechanism = machine.stated()
     launch = start_in_file(start) if isinstance(start, str | Path) else start

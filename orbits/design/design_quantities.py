@@ -15,8 +15,6 @@ from ..errors import InputError
 from ..model import (
     CONTACT_FORCE,
     LANDED_FORCE,
-    NORMAL_FORCE,
-    TANGENTIAL_FORCE,
     Arc,
     Model,
     Phase,
@@ -99,18 +97,18 @@ def extreme_of(model: Model, name: str) -> tuple[tuple[str, Callable], ...]:
         return tuple((phase, lambda x, p, q, of=of: -of(x, p, q)) for phase, of in functions)
 
     landing = model.landing_gap
-    gaps = [each for each in (model.gap, landing) if each]
+    gaps = [each for each in (model.height_of, landing) if each]
     watched = [model.contact.watch.get(each) for each in (CONTACT_FORCE, LANDED_FORCE)]
     forces = tuple(("contact", force) for force in watched if force)
     tensions = over_cycle(model.tension or (lambda x, p, q: 0.0))
     # The forces of a law in pieces in the second half of a step are those in the first, or their negatives.
     tensions = tensions[::2] if model.flight.pieces and not model.plain else tensions
-    standing = ("flight", "contact") if model.planar and model.planar.stands else ("contact",)
-    ground = {phase: getattr(model, phase).watch for phase in standing if model.planar}
     slips = tuple(
-        (phase, lambda x, p, q, on=on: on[TANGENTIAL_FORCE](x, p, q) / on[NORMAL_FORCE](x, p, q))
-        for phase, on in ground.items()
+        (phase, lambda x, p, q, on=on.watch, n=n, t=t: on[t](x, p, q) / on[n](x, p, q))
+        for phase, n, t, _ in model.standing_points
+        for on in [getattr(model, phase)]
     )
+    stance = tuple(("flight", model.flight.watch[n]) for phase, n, *_ in model.standing_points if phase == "flight")
     functions = {
         "longest": over_cycle(lambda x, p, q: model.extension.at(x)),
         "shortest": over_cycle(lambda x, p, q: -model.extension.at(x)),
@@ -119,11 +117,11 @@ def extreme_of(model: Model, name: str) -> tuple[tuple[str, Callable], ...]:
             *(in_contact(lambda x, p, q: -landing(p).at(x)) if landing else ()),
         ),
         "separation": over_cycle(lambda x, p, q: -model.separation(p).at(x)),
-        "force": negative(forces),
+        "force": negative(forces + (stance if model.sticks else ())),
         "peak": forces,
         "tension": tensions + negative(tensions),
         "slip": slips + negative(slips),
-        "stance": (("flight", lambda x, p, q: -ground["flight"][NORMAL_FORCE](x, p, q)),),
+        "stance": negative(stance),
     }
     return functions.get(name) or in_flight(lambda x, p, q: model.of_heights(p)[name][0].at(x))
 
@@ -185,7 +183,7 @@ def _landing_jerk(model, u, p, q):
     """Third derivative of the gap at landing, which is minus that at lift-off."""
     x = ca.SX.sym("x", len(model.flight.states))
     rates = ca.vertcat(*model.flight.field(ca.vertsplit(x), p, q))
-    value = ca.SX(model.gap(p).at(ca.vertsplit(x)))
+    value = ca.SX(model.height_of(p).at(ca.vertsplit(x)))
     for _ in range(3):
         value = ca.jacobian(value, x) @ rates
     return -ca.substitute(value, x, ca.vertcat(*model.launch(u, p)))

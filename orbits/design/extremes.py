@@ -7,7 +7,7 @@ import casadi as ca
 import numpy as np
 
 from ..flow import Trajectories, flow_of
-from ..model import NORMAL_FORCE, TANGENTIAL_FORCE, Machine, Model
+from ..model import Machine, Model
 from ..numerics import Array, enclosed_sign_changes, evaluate, powers
 from ..periodic import STATIONARY, Orbit
 from ..shooting import vector
@@ -115,7 +115,7 @@ class _Sampled:
         for table, column in zip(tables, columns, strict=False):
             table[:, :-1][inside] = column[:-count, 0]
             table[np.arange(count), self.counts] = column[-count:, 0]
-        if extreme == "slip" and machines[0].model.sticks:
+        if extreme == "slip" and vanishes_at_start(machines[0].model, index):
             begun = c[paths.first, :, 0]
             start = ElementwiseFunction(start_function(machines[0].model, tuple(machines[0].values), extreme, index))
             self.values[:, 0] = start(begun, ps, self.flow.data_of_pieces(begun, ps))[0][:, 0]
@@ -172,17 +172,23 @@ def extreme_function(model: Model, names: tuple[str, ...], extreme: str, index: 
     return ca.Function("extreme", [x, p, q], [value, rate, ca.jacobian(rate, x) @ field])
 
 
+def vanishes_at_start(model: Model, index: int) -> bool:
+    """Whether the forces of a slip of this number vanish where their phase begins."""
+    return model.standing_points[index % len(model.standing_points)][-1]
+
+
 @cached
 def start_function(model: Model, names: tuple[str, ...], extreme: str, index: int) -> ca.Function:
     """(x, p, data of the piece) -> the value of a function of an extreme where its phase begins: of a share of two
     forces that vanish there the ratio of their rates."""
     whole = extreme_function(model, names, extreme, index)
     x, p, q = whole.sx_in()
-    if extreme == "slip" and model.sticks:
-        on, sign = model.contact.watch, 1.0 - 2.0 * index
+    if extreme == "slip" and vanishes_at_start(model, index):
+        _, *forces, _ = model.standing_points[index % len(model.standing_points)]
+        on, sign = model.contact.watch, 1.0 if index < len(model.standing_points) else -1.0
         arguments = ca.vertsplit(x), dict(zip(names, ca.vertsplit(p), strict=True)), ca.vertsplit(q)
         field = ca.vertcat(*model.contact.field(*arguments))
-        along, across = (ca.jtimes(ca.SX(on[name](*arguments)), x, field) for name in (TANGENTIAL_FORCE, NORMAL_FORCE))
+        across, along = (ca.jtimes(ca.SX(on[name](*arguments)), x, field) for name in forces)
         return ca.Function("start", [x, p, q], [sign * along / across])
     return ca.Function("start", [x, p, q], [whole(x, p, q)[0]])
 

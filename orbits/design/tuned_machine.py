@@ -210,6 +210,6 @@ def continued_from(
 
 def tuned_machine_of(machine: Machine, tuned: Sequence[str], at: Mapping[str, float], orbit: Orbit) -> TunedMachine:
     """A machine with the tuned values that it has, which is that of an orbit."""
-    if machine.model.sticks:
+    if machine.model.runs:
         machine = machine.with_values(**{STEP_LENGTH: stated_unknowns(machine.model, orbit)[STEP_LENGTH]})
     return TunedMachine(machine, tuple(tuned), dict(at))

@@ -22,7 +22,6 @@ if TYPE_CHECKING:
     )
     from .model import (
         CONTACT_FORCE,
-        HOLDING_FORCE,
         LANDED_FORCE,
         LANDED_HOLDING,
         STEP_LENGTH,

@@ -13,7 +13,7 @@ from ..io import fields_in_line
 from ..laws import Algebraic, Parameters, Scalars
 from ..units import APEX, RISE, Dimension
 from .phase import Affine, Phase, weighted_sum
-from .planar import Planar
+from .planar import NORMAL_FORCE, TANGENTIAL_FORCE, Planar
 from .relative import Reduction, Relative
 from .state_formula import StateFormula
 from .symmetry import Shift, SignedShift
@@ -273,6 +273,20 @@ class Model:
     def changes_contact(self) -> bool:
         """Whether another point lands than opens, so that two stand in contact."""
         return LANDED_FORCE in self.contact.watch
+
+    @property
+    def standing_points(self) -> list[tuple[str, str, str, bool]]:
+        """The points on which the ground's forces are known: the phase in which each stands, the names of the forces
+        across and along the ground, and whether both vanish where the phase begins."""
+        if self.planar is None:
+            return []
+        whole = NORMAL_FORCE, TANGENTIAL_FORCE
+        flying = [("flight", *whole, False)] if self.planar.stands else []
+        if LANDED_HOLDING not in self.contact.watch:
+            return [*flying, ("contact", *whole, bool(self.sticks))]
+        # What lands begins without a force, and the image of its motion is that of what opens.
+        opens, lands = (CONTACT_FORCE, HOLDING_FORCE), (LANDED_FORCE, LANDED_HOLDING)
+        return [*flying, ("contact", *opens, False), ("contact", *lands, True)]
 
     def share_left(self, x: Scalars, p: Parameters) -> Algebraic:
         """The share rho of the gap's speed that a hand-over leaves at a landing in the flight state x, in the labels

@@ -7,6 +7,7 @@ sticks, both forces vanish at landing and at lift-off: there the ratio is |T'|/N
 a machine, each is judged by the forces on it.
 """
 
+from collections.abc import Sequence
 from functools import partial
 from typing import NamedTuple
 
@@ -14,16 +15,7 @@ import casadi as ca
 import numpy as np
 
 from ..flow import Trajectories, flow_of
-from ..model import (
-    CONTACT_FORCE,
-    HOLDING_FORCE,
-    LANDED_FORCE,
-    LANDED_HOLDING,
-    NORMAL_FORCE,
-    TANGENTIAL_FORCE,
-    Model,
-    Phase,
-)
+from ..model import Model, Phase
 from ..numerics import evaluate
 from ..records import NONE, Records
 from ..shooting import EPS, Cycles, columns, vectors
@@ -40,10 +32,6 @@ SAME_SHARE = 4 * EPS
 NEAR_START = 1e-6
 # Rounding of the share, in units of the last place of the largest states.
 SHARE_ROUNDING = 16
-# The forces of the ground as a whole, and those on each of two feet that hold a machine in contact, with whether both
-# vanish where the contact begins.
-GROUND = NORMAL_FORCE, TANGENTIAL_FORCE
-FEET = {(CONTACT_FORCE, HOLDING_FORCE): False, (LANDED_FORCE, LANDED_HOLDING): True}
 
 
 class _OfGround(NamedTuple):
@@ -96,19 +84,20 @@ def with_friction(model: Model, cycles: Cycles, certificates: Records[Certificat
         return certificates
     planar, violations = model.planar, list(certificates.column("violations"))
     parts, (stance, ends) = list[_OfGround](), np.full((2, len(cycles)), NONE)
-    if planar.stands:
-        flight = _forces_of_ground(model.flight, cycles.halves, np.arange(len(cycles)), GROUND)
-        stance, ends = turns_and_zeros({"normal": Sought.of(flight.motions, flight.normal)})["normal"].lowest()
-        parts.append(flight)
     pulls = np.zeros(len(cycles), dtype=bool)
-    if cycles.contacts:
-        of_feet = LANDED_HOLDING in model.contact.watch
-        # What lands begins without a force, and the image of its motion is that of what opens.
-        for names, vanishing in FEET.items() if of_feet else ((GROUND, bool(model.sticks)),):
-            contact = _forces_of_ground(model.contact, cycles.contacts, cycles.with_contact, names, vanishing)
-            least, _ = turns_and_zeros({"normal": Sought.of(contact.motions, contact.normal)})["normal"].lowest()
-            pulls[contact.which] |= least < 0
-            parts.append(contact)
+    for phase, *names, vanishing in model.standing_points:
+        if phase == "flight":
+            part = _forces_of_ground(model.flight, cycles.halves, np.arange(len(cycles)), names)
+        elif cycles.contacts:
+            part = _forces_of_ground(model.contact, cycles.contacts, cycles.with_contact, names, vanishing)
+        else:
+            continue
+        parts.append(part)
+        least, when = turns_and_zeros({"normal": Sought.of(part.motions, part.normal)})["normal"].lowest()
+        if phase == "flight":
+            stance, ends = least, when
+        else:
+            pulls[part.which] |= least < 0
     lifts, words = stance <= 0, model.violations.get("stance")
     judged = np.full(len(cycles), bool(words) if planar.stands else None, dtype=object)
     text = "{lifts} at t = {time:.6g} of the flight (force {force:.3g})"
@@ -139,14 +128,14 @@ def with_friction(model: Model, cycles: Cycles, certificates: Records[Certificat
 
 
 def _forces_of_ground(
-    phase: Phase, motions: Trajectories, which: np.ndarray, names: tuple[str, str], vanishing: bool = False
+    phase: Phase, motions: Trajectories, which: np.ndarray, names: Sequence[str], vanishing: bool = False
 ) -> _OfGround:
     rows = [motions.coefficients[:, motions.names.index(name)] for name in names]
     if vanishing:  # up to rounding
         rows = [row.copy() for row in rows]
         for row in rows:
             row[motions.first, 0] = 0.0
-    return _OfGround(phase, motions, which, names, rows[0], rows[1], vanishing)
+    return _OfGround(phase, motions, which, (names[0], names[1]), rows[0], rows[1], vanishing)
 
 
 def _largest(parts: list[_OfGround], count: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

@@ -203,6 +203,7 @@ def absent_quantities(model: Model, p: Mapping) -> dict[str, str]:
         why["smallest_stance_force"] = f"no part of a {model.name} stands on the ground in flight"
     if planar is not None and not planar.friction:
         why[FRICTION_LEFT] = "the machine states no friction of the ground"
+    why |= {"clearance": f"a point of a {model.name} passes the ground in mid-flight"} if model.grazes else {}
     why |= {} if model.moves_on else dict.fromkeys(OF_RUNS, f"a {model.name} does not move on along the ground")
     return why
 

@@ -32,6 +32,10 @@ class SmallStepOptions(NamedTuple):
     size: float = 0.02  # of what sticks, where a walk begins
     rounding: float = 1e-13  # of the unknowns
     residual: float = 1e-10  # of conditions that hold
+    near: float = 0.1  # logarithm of the change of a tuned number to a walk that is near
+    shortest_way: float = 0.05  # share of the way to a prescribed walk: of shorter steps other small steps come first
+    factors: tuple[float, ...] = (1.0, 0.5, 2.0, 0.1)  # of the first tuned number, where small steps are searched
+    same: float = 1e-6  # share by which the times of two families differ
     slower: float = (
         0.1  # logarithm of the change of a tuned number for which a slower walk is tried before a faster one
     )
@@ -74,7 +78,7 @@ class SmallSteps:
     def guesses(self) -> list[SmallStep]:
         """The small steps that satisfy all conditions but one best, the best first, of the numbers as they are."""
         flight, contact = self._at({})
-        times = np.linspace(0, SMALL_STEPS.longest / np.abs(np.linalg.eigvals(flight)).min(), SMALL_STEPS.times)[1:]
+        times = np.linspace(0, _longest(flight), SMALL_STEPS.times)[1:]
         rows = (self.conditions(flight, time) for time in times)
         decompositions = [np.linalg.svd(each / np.linalg.norm(each, axis=1)[:, None]) for each in rows]
         misfits, found = np.array([sizes[-1] / sizes[-2] for _, sizes, _ in decompositions]), list[SmallStep]()
@@ -114,12 +118,18 @@ class SmallSteps:
                 return None
         here = step(found.x)
         holds = np.abs(found.fun).max() < SMALL_STEPS.residual and min(here.flight, here.contact) > 0
+        holds = holds and here.flight < _longest(self._at(here.tuned)[0])
         return here._replace(misfit=float(np.abs(found.fun).max())) if holds else None
 
     def _at(self, tuned: Mapping[str, float]) -> tuple[Array, Array]:
         """The matrices of flight and contact with tuned numbers."""
         flight, contact = self.matrices([*{**self.p, **tuned}.values()])
         return flight.full(), contact.full()
+
+
+def _longest(flight: Array) -> float:
+    """The longest half time of a flight with this matrix that is searched."""
+    return SMALL_STEPS.longest / float(np.abs(np.linalg.eigvals(flight)).min())
 
 
 @cached
@@ -133,16 +143,30 @@ def _matrices(model: Model, names: tuple[str, ...]) -> ca.Function:
     return ca.Function("small_steps", [p], found)
 
 
-def small_steps(model: Model, p: Mapping[str, float], tuned: Sequence[str]) -> Iterator[dict[str, float]]:
-    """The unknowns of half orbits by name, with tuned numbers, where families of walks begin: those near the numbers
-    `p` first. Without as many tuned numbers as there are conditions in excess, small steps nearly satisfy them."""
-    steps, places = SmallSteps(model, p), model.launch_places
-    guesses = steps.guesses()
-    if len(tuned) == 2:
-        solved = sorted((each for near in guesses if (each := steps.solved(near, tuned))), key=lambda each: each.flight)
-        ways = [max(abs(np.log(abs(x / p[name]))) for name, x in each.tuned.items()) for each in solved]
-        nearest = sorted(range(len(solved)), key=lambda i: ways[i] + SMALL_STEPS.slower * i)
-        guesses = [solved[i] for i in nearest] or guesses
-    for found in guesses:
-        launch = {name: SMALL_STEPS.size * float(found.launch[place]) for name, place in places.items()}
-        yield {**launch, "duration": float(found.flight), "contact_duration": float(found.contact), **found.tuned}
+def small_steps(model: Model, p: Mapping[str, float], tuned: Sequence[str]) -> Iterator[list[dict[str, float]]]:
+    """The unknowns of half orbits by name, with tuned numbers, where families of walks begin: first the ones near the
+    numbers `p`, in the order of their distance, then others. Where less than two numbers are tuned, the steps satisfy
+    the conditions nearly."""
+    places, known = model.launch_places, list[SmallStep]()
+    for factor in SMALL_STEPS.factors if len(tuned) > 1 else (1.0,):
+        steps = SmallSteps(model, {**p, **{name: factor * p[name] for name in tuned[:1]}})
+        found = steps.guesses()
+        if len(tuned) > 1:
+            solved = sorted(
+                (each for near in found if (each := steps.solved(near, tuned[:2]))), key=lambda each: each.flight
+            )
+            ways = [max(abs(np.log(abs(x / p[name]))) for name, x in each.tuned.items()) for each in solved]
+            nearest = sorted(range(len(solved)), key=lambda i: ways[i] + SMALL_STEPS.slower * i)
+            found = [solved[i] for i in nearest] or (found if factor == 1 else [])
+        new = list[SmallStep]()
+        for each in found:
+            if not any(np.isclose(each.flight, other.flight, rtol=SMALL_STEPS.same) for other in (*known, *new)):
+                new.append(each)
+        known += new
+        yield [_start(each, places) for each in new]
+
+
+def _start(step: SmallStep, places: Mapping[str, int]) -> dict[str, float]:
+    """The unknowns of half an orbit by name, and the tuned numbers, of a small step."""
+    launch = {name: SMALL_STEPS.size * float(step.launch[place]) for name, place in places.items()}
+    return {**launch, "duration": float(step.flight), "contact_duration": float(step.contact), **step.tuned}

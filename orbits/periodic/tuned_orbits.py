@@ -90,7 +90,7 @@ PRESCRIBED: dict[str, Prescribed] = {
 OF_STEPS: dict[str, Prescribed] = {
     "speed": Prescribed(lambda model, u, p: speed_in_flight(model, u, p, 2 * u["duration"]), SPEED),
     "mean_speed": Prescribed(lambda model, u, p: step_of(model, u, p) / _period(model, u, p), SPEED, True),
-    STEP_LENGTH: Prescribed(lambda model, u, p: p[STEP_LENGTH], LENGTH),
+    STEP_LENGTH: Prescribed(step_of, LENGTH),
 }
 # Quantities of the whole motion that are ranges, or maxima of what is 0 at lift-off.
 NEVER_NEGATIVE = ("stroke", "largest_contact_force", "peak_force_in_weights", "duty_factor", "friction_needed")
@@ -98,7 +98,7 @@ NEVER_NEGATIVE = ("stroke", "largest_contact_force", "peak_force_in_weights", "d
 
 def prescribable(model: Model) -> dict[str, Prescribed]:
     """The quantities of half an orbit of a model that may be prescribed, by name."""
-    each = OF_STEPS if model.runs else OF_STEPS.keys() - {STEP_LENGTH} if model.moves_on else ()
+    each = OF_STEPS if model.sticks else OF_STEPS.keys() - {STEP_LENGTH} if model.moves_on else ()
     stuck = {
         name: Prescribed(partial(_landed_place, name), name) for name in model.sticks if name in model.launch_unknowns
     }
@@ -220,7 +220,7 @@ def tuned_statement(model: Model, tuned: tuple[str, ...], prescribed: tuple[str,
     in the machine's units, is the parameter of its name."""
     base, known = half_orbit(model), prescribable(model)
     arcs, unknowns, durations = base.arcs, base.unknowns, base.durations
-    each = [(name, known[name]) for name in prescribed if name != STEP_LENGTH]
+    each = [(name, known[name]) for name in prescribed if not (name == STEP_LENGTH and model.runs)]
     if len(arcs) == 1 and any(quantity.with_contact for _, quantity in each):
         unknowns, durations = (*unknowns, "contact_duration"), (*durations, "contact_duration")
         middle = lambda u, x, p: [model.mid_contact(p).at(x)]  # noqa: E731
@@ -251,9 +251,12 @@ def prescribed_value(machine: Machine, name: str, u: Mapping[str, float]) -> flo
     )
 
 
-def solve_tuned(machine: Machine, tuning: Tuning, u: Mapping[str, float]) -> Solved:
+def solve_tuned(
+    machine: Machine, tuning: Tuning, u: Mapping[str, float], shortest_way: float = TUNED.shortest_way
+) -> Solved:
     """The solution of the equations with tuned parameters to which the way leads from an orbit of the machine, the
-    unknowns of its half by name; raises `NoOrbit` where it does not lead to the prescribed values."""
+    unknowns of its half by name, in shares of it that are not shorter than `shortest_way`; raises `NoOrbit` where it
+    does not lead to the prescribed values."""
     names = tuple(tuning.values)
     equations = tuned_equations(machine, tuning.names, names)
     if "contact_duration" in equations.statement.unknowns and "contact_duration" not in u:
@@ -264,11 +267,17 @@ def solve_tuned(machine: Machine, tuning: Tuning, u: Mapping[str, float]) -> Sol
         [own if value is None else value for own, value in zip(here, tuning.values.values(), strict=True)]
     )
     x = np.array([start[name] for name in equations.statement.unknowns])
-    return Solved.of(machine.model, METHOD, _along_way(machine, equations, x, names, here, targets))
+    return Solved.of(machine.model, METHOD, _along_way(machine, equations, x, names, here, targets, shortest_way))
 
 
 def _along_way(
-    machine: Machine, equations: Shooting, x: np.ndarray, prescribed: Sequence[str], here: np.ndarray, there: np.ndarray
+    machine: Machine,
+    equations: Shooting,
+    x: np.ndarray,
+    prescribed: Sequence[str],
+    here: np.ndarray,
+    there: np.ndarray,
+    shortest_way: float,
 ) -> NodedSolution:
     """The solution as prescribed quantities go from their values `here` (k,) to those `there`."""
     names, own, places = [*prescribed], machine.values, list(map(equations.parameters.index, prescribed))
@@ -299,7 +308,7 @@ def _along_way(
                 raise over.reached(f"on the way to {text(1.0)} it reached {text(reached)}, with {tuned}") from None
             except (NoOrbit, FlowError, InputError) as error:
                 step = min(step, 1 - reached) / 2
-                if step < TUNED.shortest_way:
+                if step < shortest_way:
                     at, wanted = (dict(zip(names, p[places].tolist(), strict=True)) for p in (p_at(reached), p_at(1.0)))
                     raise _no_way(equations, found.u, at, wanted, tangent[len(x) - len(found.u) :], error) from None
         reached, step = share, 2 * step

@@ -11,9 +11,10 @@ import numpy as np
 from ..errors import FlowError, InputError, NoOrbit
 from ..model import STEP_LENGTH, Machine, dimensionless
 from ..result import Progress
+from ..running import TimeOver
 from ..shooting import method_of
 from ..units import without_units
-from .certification import Solved, certified_orbit
+from .certification import Solved, certified, certified_orbit
 from .family_orbits import another_family
 from .orbit import Orbit, orbit_of, start_in_file
 from .orbit_found import found_from, unknowns_of_hop, vertical_hop
@@ -35,7 +36,7 @@ def tuned_from(
         raise InputError("method 'shooting' tunes no parameters; leave it out")
     if not machine.model.sticks:
         start = found_from(machine, family, start, method, progress)
-    elif start is None:
+    elif start is None and machine.model.runs:
         start = _starts_of_run(machine, family or 1, tuning)
     if machine.model.sticks and tuning.extremes:  # other quantities are those of the start at first
         free = [name for name in ("speed", "alpha", "flight_time") if name not in tuning.values]
@@ -76,11 +77,11 @@ def _solved_from(machine: Machine, tuning: Tuning, known: Any) -> Solved:
     raises the error of the first where none does."""
     first: NoOrbit | FlowError | None = None
     begins = []
+    if known is None:
+        return _walk_near(machine, tuning)
     for start in known if isinstance(known, Iterator) else [known]:
-        own = {n: start[n] for n in tuning.names if n in start} if isinstance(start, Mapping) else {}
-        start = {n: value for n, value in start.items() if n not in own} if own else start
         bare = machine.units.dimensionless("start", start) if machine.units else start
-        begins.append(stated_unknowns(machine.model, bare) | own)
+        begins.append(stated_unknowns(machine.model, bare))
         try:
             return solve_tuned(machine, tuning, begins[-1])
         except (NoOrbit, FlowError) as error:
@@ -89,6 +90,35 @@ def _solved_from(machine: Machine, tuning: Tuning, known: Any) -> Solved:
         return run_along_speeds(machine, tuning, begins)
     assert first is not None
     raise first
+
+
+def _walk_near(machine: Machine, tuning: Tuning) -> Solved:
+    """The first walk to which one of the small steps leads that is a motion, and whose tuned numbers are near those of
+    the machine; or else the nearest, motions first. Raises `NoOrbit` where there is none."""
+    from .small_steps import SMALL_STEPS, small_steps  # SciPy takes long to import
+
+    found, ranks, reason = list[Solved](), list[tuple[bool, float]](), None
+    for starts in small_steps(machine.model, dimensionless(machine).values, tuning.names):
+        for start in starts:
+            try:
+                solved = solve_tuned(machine, tuning, start, SMALL_STEPS.shortest_way)
+                certificates, _ = certified(solved)
+            except TimeOver:
+                raise
+            except (NoOrbit, FlowError) as error:
+                reason = reason or error
+                continue
+            values = tuned_values(solved.equations, solved.us[0]).items()
+            far = max((abs(np.log(abs(x / machine.values[name]))) for name, x in values), default=0.0)
+            found.append(solved)
+            ranks.append((certificates is None or bool(certificates.certificates[0].violations), far))
+            if ranks[-1] <= (False, SMALL_STEPS.near):
+                return solved
+        if ranks and not min(ranks)[0]:
+            break
+    if found:
+        return found[min(range(len(ranks)), key=ranks.__getitem__)]
+    raise reason or NoOrbit(f"no small steps of a {machine.model.name} are found near these numbers: give a start")
 
 
 def first_tuned(
@@ -101,7 +131,7 @@ def first_tuned(
         check_start(machine, known)
         known = found_from(machine, family if known is None else None, known, method_of(machine.model), None)
     tuning = Tuning(tuned, values, {})
-    if machine.model.sticks and known is None:
+    if machine.model.runs and known is None:
         known = _starts_of_run(machine, family, tuning)
     with without_units(machine.units):
         solved = _solved_from(machine, tuning, known)
@@ -110,13 +140,7 @@ def first_tuned(
 
 def _starts_of_run(machine: Any, family: int, tuning: Tuning) -> Iterator[dict[str, float]]:
     """The starts of a run, slow ones first: from there the way to a faster run stays on its sheet. A design may be so
-    far from where its runs begin that only fast ones are near it. A machine that stands on two points begins with small
-    steps."""
-    if not machine.model.runs:
-        from .small_steps import small_steps  # SciPy takes long to import
-
-        yield from small_steps(machine.model, dimensionless(machine).values, tuning.names)
-        return
+    far from where its runs begin that only fast ones are near it."""
     hop = unknowns_of_hop(vertical_hop(dimensionless(machine).upright(), family))
     direct = start_of_run(machine, hop, tuning)
     stated = any(tuning.values.get(name) for name in OF_STEPS)
