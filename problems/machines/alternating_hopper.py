@@ -24,28 +24,18 @@ from math import inf
 from orbits import Mechanism
 from orbits.errors import true_or_false
 from orbits.laws import LawLike
-from orbits.mechanics import Body, Drawing, Joint, Mass, Outline, Spring
+from orbits.mechanics import Drawing, Mass, Outline, Spring
 
-from ..laws import as_spring
-from .parameters import gravity_in_si, own_numbers, refuse_missing, stated_numbers, with_parameters
+from .parameters import numbers_and_laws
 from .steps import MIRRORED_BY_STEPS
 
 WITHOUT_UNITS = {"body_mass": 1.0, "foot_mass": 4.0, "stiffness": 1.0}
-UNITS = {"body_mass": "kg", "foot_mass": "kg", "stiffness": "N/m", "rest_length": "m"}
+UNITS = {"body_mass": "kg", "foot_mass": "kg", "stiffness": "N/m"}
 LEFT, RIGHT, EXCHANGED = "mean + half", "mean - half", {"half": "-half"}
 # The place across and the height of each foot, which keeps its name where a landing exchanges those of a stance.
 SIDES = {
     "left": ("-rest_length/5", f"mean + half{MIRRORED_BY_STEPS}"),
     "right": ("rest_length/5", f"mean - half{MIRRORED_BY_STEPS}"),
-}
-WORDS = {
-    "liftoff": "the foot's weight",
-    "gap": "the foot that has left the ground touches it in flight",
-    "landing gap": "the next foot touches the ground in flight",
-    "standing gap": "the foot in the air touches the ground in contact",
-    "pull": "the ground would have to pull",
-    "separation": "the body and a foot pass through each other",
-    "end": "contact: the foot never lifts off again",
 }
 
 
@@ -78,16 +68,11 @@ def alternating_hopper(
     (42.380943053, True)
     """
     in_si = true_or_false("in_si", in_si)
-    gravity = 1.0 if surface_gravity is None and not in_si else gravity_in_si(surface_gravity)
-    stated = {"body_mass": body_mass, "foot_mass": foot_mass, "stiffness": stiffness, "surface_gravity": gravity}
+    stated = {
+        "body_mass": body_mass, "foot_mass": foot_mass, "stiffness": stiffness, "surface_gravity": surface_gravity,
+    }  # fmt: skip
     stated |= {} if rest_length is None else {"rest_length": rest_length}
-    own = own_numbers("a hopper on two feet", stated, WITHOUT_UNITS)
-    values = stated_numbers(parameters)
-    known = with_parameters(own, values)
-    leg = as_spring(spring, known, shared=True)
-    used = {*own} - {"stiffness"} | {*leg.key.names, *values}
-    if in_si:
-        refuse_missing("a hopper on two feet", stated, UNITS, used)
+    used, (leg,) = numbers_and_laws("a hopper on two feet", stated, WITHOUT_UNITS, UNITS, (spring,), parameters, in_si)
     long = rest_length is not None
     body = "body + rest_length" if long else "body"
     return Mechanism(
@@ -101,15 +86,14 @@ def alternating_hopper(
         reversor=EXCHANGED,
         symmetry=EXCHANGED,
         surface_gravity="surface_gravity",
-        parameters={name: value for name, value in known.items() if name in used},
+        parameters=used,
         launch="body",
         heights={"body": body, "left foot": LEFT, "right foot": RIGHT},
         separation=f"{body} - ({RIGHT})" if long else None,
         bounds={name: (0.0, inf) for name in ("stiffness", "rest_length") if name in used},
         in_si=in_si,
-        words=WORDS,
+        words={"liftoff": "the foot's weight"},
         drawing=_drawn() if long else None,
-        bodies=_bodies() if long else (),
     )
 
 
@@ -120,18 +104,3 @@ def _drawn() -> Drawing:
     legs = [Outline(f"{side} leg", [foot, hip], ends=True) for side, foot, hip in zip(SIDES, feet, hips, strict=True)]
     top = [(f"{end}*rest_length{MIRRORED_BY_STEPS}", "body + 1.1*rest_length") for end in (0.1, -0.1)]
     return Drawing([Outline("body", [*hips, *top], closed=True), *legs], onward={"x": "-x"})
-
-
-def _bodies() -> list[Body]:
-    """The body and both feet, which slide up."""
-    hips = Outline("body", [(across, "0") for across, _ in SIDES.values()])
-    body = Body("body", [Joint("body_up", "up", "body + rest_length")], "body_mass", outlines=[hips])
-    sole = [(f"{end}*rest_length", "0") for end in (-0.05, 0.05)]
-    feet = [
-        Body(
-            f"{side}_foot", [Joint(f"{side}_up", "up", foot)], "foot_mass", place=(across, 0.0),
-            outlines=[Outline(f"{side} foot", sole)],
-        )
-        for side, (across, foot) in SIDES.items()
-    ]  # fmt: skip
-    return [body, *feet]

@@ -1,11 +1,13 @@
 """The parameters of a machine's formulas, without the names of the machine itself."""
 
-from collections.abc import Collection, Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from typing import Any
 
 from orbits.errors import InputError
-from orbits.laws import number
+from orbits.laws import Law, LawLike, number
 from orbits.units import STANDARD_GRAVITY
+
+from ..laws import as_spring
 
 
 def gravity_in_si(stated: float | None) -> float:
@@ -40,20 +42,28 @@ def with_parameters(
     return {**own, **values}
 
 
-def own_numbers(kind: str, stated: Mapping[str, float | None], usual: Mapping[str, float]) -> dict[str, float]:
-    """The numbers of a kind of machine, with the usual ones in place of None; raises `InputError` unless all are
-    above 0."""
+def numbers_and_laws(
+    kind: str, stated: Mapping[str, float | None], usual: Mapping[str, float], units: Mapping[str, str],
+    laws: Sequence[LawLike], parameters: object, in_si: bool,
+) -> tuple[dict[str, float], list[Law]]:  # fmt: skip
+    """The numbers that a machine uses, those of its springs' laws included, and these laws.
+
+    stated : its own numbers; None stands for the usual value, of "surface_gravity" for 1 or the standard one in SI
+    units : of those that must be stated in SI, where the machine or its laws use them
+
+    Raises `InputError` for a number that is not above 0, and for a missing one in SI.
+    """
+    usual = {**usual, "surface_gravity": STANDARD_GRAVITY if in_si else 1.0}
     own = {name: number(name, usual[name] if value is None else value) for name, value in stated.items()}
     for name, value in own.items():
         if not value > 0:
             raise InputError(f"{name} = {value:g}; for {kind} it must lie above 0")
-    return own
-
-
-def refuse_missing(
-    kind: str, stated: Mapping[str, float | None], units: Mapping[str, str], used: Collection[str]
-) -> None:
-    """Raise `InputError` for a machine in SI that does not state a number it uses."""
-    if missing := [name for name in units if name in used and stated.get(name) is None]:
+    known = with_parameters(own, parameters)
+    springs = [as_spring(law, known, shared=True) for law in laws]
+    in_laws = {name for spring in springs for name in spring.key.names}
+    unused = {name for name in own if name.endswith("stiffness")} - in_laws
+    used = {name: value for name, value in known.items() if name not in unused}
+    if in_si and (missing := [name for name in units if name in used and stated[name] is None]):
         needed = ", ".join(f"{name} ({units[name]})" for name in missing)
         raise InputError(f"{kind} in SI needs {needed}: only {kind} without units has default values")
+    return used, springs

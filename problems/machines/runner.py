@@ -25,8 +25,7 @@ from orbits.errors import true_or_false
 from orbits.laws import LawLike
 from orbits.mechanics import Body, Drawing, Joint, Mass, Outline, Spring
 
-from ..laws import as_spring
-from .parameters import gravity_in_si, own_numbers, refuse_missing, refuse_taken, stated_numbers, with_parameters
+from .parameters import numbers_and_laws, refuse_taken, stated_numbers
 
 HIP = ("x + l*sin(theta)", "z + l*cos(theta)")
 # The numbers of a runner without units where they are not stated, and the units of those in SI.
@@ -80,20 +79,15 @@ def runner(
     ('x',)
     """
     in_si = true_or_false("in_si", in_si)
-    gravity = 1.0 if surface_gravity is None and not in_si else gravity_in_si(surface_gravity)
     stated = {
         "body_mass": body_mass, "foot_mass": foot_mass, "inertia": inertia, "stiffness": stiffness,
-        "hip_stiffness": hip_stiffness, "rest_length": rest_length, "surface_gravity": gravity,
+        "hip_stiffness": hip_stiffness, "rest_length": rest_length, "surface_gravity": surface_gravity,
     }  # fmt: skip
     stated |= {} if friction is None else {"friction": friction}
-    own = own_numbers("a runner", stated, WITHOUT_UNITS)
-    values = stated_numbers(parameters)
-    refuse_taken(["step"], values, "a number of each run, which is not stated")
-    known = with_parameters(own, values)
-    leg, hip = (as_spring(law, known, shared=True) for law in (spring, hip_spring))
-    used = {*own} - {"stiffness", "hip_stiffness"} | {*leg.key.names, *hip.key.names, *values}
-    if in_si:
-        refuse_missing("a runner", stated, UNITS_OF_RUNNER, used)
+    refuse_taken(["step"], stated_numbers(parameters), "a number of each run, which is not stated")
+    used, (leg, hip) = numbers_and_laws(
+        "a runner", stated, WITHOUT_UNITS, UNITS_OF_RUNNER, (spring, hip_spring), parameters, in_si
+    )
     return Mechanism(
         name="runner",
         coordinates=("x", "z", "l", "theta", "phi"),
@@ -107,7 +101,7 @@ def runner(
         sticks=("x",),
         inertia={"phi": "inertia"},
         surface_gravity="surface_gravity",
-        parameters={name: value for name, value in known.items() if name in used},
+        parameters=used,
         counts="l - rest_length",
         launch="l",
         heights={"body": HIP[1], "foot": "z"},

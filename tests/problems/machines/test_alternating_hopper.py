@@ -127,7 +127,7 @@ def test_a_foot_below_the_ground_in_contact_is_seen_everywhere():
     """Of light feet the one in the air falls through the ground while the other one stands."""
     machine = alternating_hopper(1.0)
     orbit = find(machine)
-    (_, lowest), text = by_hand(orbit)[1], "the foot in the air touches the ground in contact at t = 3.41243"
+    (_, lowest), text = by_hand(orbit)[1], "the right foot touches in contact at t = 3.41243"
     assert orbit.certificate.clearance == pytest.approx(lowest, rel=1e-4)  # which is among the steps
     assert orbit.violations == (f"{text} of the contact (height -12.7)",)
     assert sweep(machine, {"foot_mass": (0.99, 1.01)}, samples=2).statuses() == {"inadmissible": 2}
