@@ -94,7 +94,6 @@ if TYPE_CHECKING:
         OscillationEvent as OscillationEvent,
         OscillationFamily,
         Swing,
-        SwingEvent as SwingEvent,
         SwingFamily,
         find,
         find_all,

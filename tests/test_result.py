@@ -78,7 +78,6 @@ def made(kind: str):
         "SwingFamily": lambda: follow(
             brachiator(), "arm_mass", 0.26, {"angle": 1.2, "half_swing": 1.9}, at=[0.255], longest=0.5
         ),
-        "SwingEvent": lambda: made("SwingFamily").events[0],
         "Existence": lambda: existence(cubic, "beta", (0.28, 0.32), "mass_ratio", [0.5, 0.6], samples=3),
         "Hops": lambda: ReturnMap(cubic)([[2.0, 4.0], [4.5, 7.0]]),
         "LaunchHops": lambda: ReturnMap(hop_of()[0])([[6.4, -1.2, 1.1], [-1.0, 0.0, 0.0]]),
@@ -140,7 +139,6 @@ WHOLE = (
 RESULTS = (
     *WHOLE,
     *("Certificate", "Trajectory", "Point", "Event", "End", "ReturnMap", "ContactEvent", "OscillationEvent"),
-    "SwingEvent",
 )
 VERBS = {
     "machine": lambda result: isinstance(result.machine, dict) and "machine" in result.machine,

@@ -161,28 +161,24 @@ def follow(
     """
     options = checked_options(at, watch, longest, most, stop_inadmissible, step_control, multipliers)
     check_output(output)
-    if along == ENERGY_OF_CYCLE and tune is None and along not in machine.values:
-        others = {"families": families, "watch": watch, "stop_inadmissible": stop_inadmissible or None,
-                  "method": method, "output": output, "resume": resume}  # fmt: skip
-        if stated := [name for name, value in others.items() if value is not None]:
-            raise InputError(f"a family along its energy is followed without {stated[0]}=")
-        if not (start is None or isinstance(start, Real | Mapping | Oscillation)):
-            raise InputError("a family along its energy starts at an energy, or at an oscillation")
-        steps = options.steps(step_control.largest_batch)
-        return follow_energy(machine, stop, start, family_number(family), options.at, steps, progress)
-    if grip_of(machine):
-        options_of_orbits: dict[str, object] = {
-            "families": families, "watch": watch, "stop_inadmissible": stop_inadmissible or None, "tune": tune,
-            "multipliers": multipliers or None, "method": method, "output": output, "resume": resume,
+    of_energy = along == ENERGY_OF_CYCLE and tune is None and along not in machine.values
+    if of_energy or grip_of(machine):
+        others: dict[str, object] = {
+            "families": families, "watch": watch, "stop_inadmissible": stop_inadmissible or None, "method": method,
+            "output": output, "resume": resume, "tune": tune,
         }  # fmt: skip
-        if stated := [name for name, value in options_of_orbits.items() if value is not None]:
-            raise InputError(f"a family of swings is followed without {stated[0]}=")
-        if not (start is None or isinstance(start, Real | Mapping | Swing)):
-            raise InputError("a family of swings starts at a value of its parameter, at a swing, or at numbers by name")
+        what = "along its energy" if of_energy else "of swings"
+        if stated := [name for name, value in others.items() if value is not None]:
+            raise InputError(f"a family {what} is followed without {stated[0]}=")
         steps = options.steps(step_control.largest_batch)
-        return follow_swings(machine, along, stop, start, options.at, steps, progress)
+        if of_energy and (start is None or isinstance(start, Real | Mapping | Oscillation)):
+            return follow_energy(machine, stop, start, family_number(family), options.at, steps, progress)
+        if not of_energy and (start is None or isinstance(start, Real | Mapping | Swing)):
+            return follow_swings(machine, along, stop, start, options.at, steps, progress)
+        one = "an energy, or at an oscillation" if of_energy else "a value of its parameter, or at a swing"
+        raise InputError(f"a family {what} starts at {one}")
     if isinstance(start, Oscillation | Swing):
-        raise InputError("an oscillation begins a family along its energy alone: along='energy'; a swing one of swings")
+        raise InputError("an oscillation begins a family along its energy alone: along='energy'")
     first = start
 
     def followed(number: int, progress: Progress) -> Family:

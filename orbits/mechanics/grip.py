@@ -8,9 +8,8 @@ So half a swing leads from a release to a state that the reversor leaves as it i
 n - 1 numbers of the release and the time.
 """
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from types import MappingProxyType
 from typing import Any
 
 from ..errors import InputError
@@ -36,7 +35,6 @@ class Grip:
         formula of the coordinates
     longest : the longest half of a swing that is searched
 
-    Raises `InputError` for formulas that are not text.
     """
 
     places: Mapping[str, Scalar]
@@ -45,15 +43,8 @@ class Grip:
     clearance: str
     longest: Scalar
 
-    def __post_init__(self) -> None:
-        for name in ("places", "release"):
-            object.__setattr__(self, name, MappingProxyType(dict(getattr(self, name))))
-
     def __hash__(self) -> int:
         return hash((*self.places.items(), *self.release.items(), self.step, self.clearance, self.longest))
-
-    def __reduce__(self) -> tuple:
-        return Grip, (dict(self.places), dict(self.release), self.step, self.clearance, self.longest)
 
     @property
     def unknowns(self) -> tuple[str, ...]:
@@ -66,12 +57,6 @@ class Grip:
         own = [(places.get(name, u.get(name, 0.0)), u.get(f"{name}'", 0.0)) for name in coordinates]
         return [part for pair in own for part in pair]
 
-    def expressions(self) -> Iterator[tuple[Scalar, str]]:
-        """Each formula, with what it may depend on besides parameters: nothing, a release, or a place."""
-        yield from ((value, "release") for value in (*self.places.values(), self.step))
-        yield from ((value, "") for ends in self.release.values() for value in ends)
-        yield from ((self.clearance, "place"), (self.longest, ""))
-
 
 def refuse_misheld(m: Any, known: set[str]) -> None:
     """Raise `InputError` for a grip that a `Mechanism` with parameters of these names cannot have."""
@@ -82,23 +67,23 @@ def refuse_misheld(m: Any, known: set[str]) -> None:
         raise InputError("a machine with a grip hangs by another one: it needs gap=None, and a reversor")
     if unknown := [name for name in grip.places if name not in m.coordinates]:
         raise InputError(f"grip: there is no coordinate '{unknown[0]}'{suggest(unknown[0], m.coordinates)}")
-    own = {"release": {*grip.release}, "place": {*m.coordinates}, "": set()}
-    for text, kind in grip.expressions():
-        if callable(text):
-            raise InputError(f"grip: {text!r} is a Python function; its numbers must be formulas")
-        if wrong := sorted(names_in(text) - own[kind] - known):
-            raise InputError(f"grip: '{text}' has '{wrong[0]}'{suggest(wrong[0], sorted(own[kind] | known))}")
-    used = {name for place in grip.places.values() for name in names_in(place)}
+    ends = [end for pair in grip.release.values() for end in pair]
+    allowed = [(each, {*grip.release}) for each in (*grip.places.values(), grip.step)]
+    allowed += [(grip.clearance, {*m.coordinates}), *((each, set()) for each in (*ends, grip.longest))]
+    for text, own in allowed:
+        if callable(text) or (wrong := sorted(names_in(text) - own - known)):
+            why = "is a Python function" if callable(text) else f"has '{wrong[0]}'"
+            raise InputError(f"grip: '{text}' {why}; it must be a formula of {', '.join(sorted(own | known))}")
+    used = {name for place in grip.places.values() for name in names_in(place)} - known
     for name in m.coordinates:
         found = [each for each in (name, f"{name}'") if each in grip.release]
         if len(found) != (name not in grip.places):
             each = f"a place in places, or in release either '{name}' or \"{name}'\""
             raise InputError(f"grip: coordinate '{name}' needs {each}")
         used |= {*found}
-    if odd := [name for name in grip.release if name not in used or name in known]:
-        raise InputError(f"grip: '{odd[0]}' in release must be a number of places, or a rate that is left")
-    if len(grip.release) != len(m.coordinates) - 1:
+    if len(used) != len(m.coordinates) - 1 or used != grip.release.keys():
         raise InputError(
-            f"grip: release has {len(grip.release)} numbers; {len(m.coordinates)} coordinates need "
-            f"{len(m.coordinates) - 1}, one for each condition of half a swing but its time"
+            f"grip: release has {', '.join(grip.release) or 'no numbers'}; {len(m.coordinates)} coordinates need "
+            f"{len(m.coordinates) - 1} numbers that occur in places or are rates, one less than half a swing has "
+            "conditions"
         )

@@ -135,10 +135,7 @@ def check_machine(machine: Machine, *also: str, lands: bool = True) -> None:
     if lands and not machine.model.lands:
         own = "find(machine, at={'energy': 1.0}) and follow(machine, 'energy', (0.1, 1.0))"
         if getattr(machine, "grip", None):
-            raise InputError(
-                f"a {machine.model.name} swings from hold to hold: find(machine) and follow(machine, NAME, STOP) find "
-                f"its swings; it also oscillates: {own}"
-            )
+            own = f"{own}; it swings from hold to hold: find(machine) and follow(machine, NAME, STOP)"
         raise InputError(f"a {machine.model.name} has no gap (gap=None), so it never lands; it oscillates: {own}")
 
 

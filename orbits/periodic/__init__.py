@@ -75,7 +75,7 @@ if TYPE_CHECKING:
     )
     from .saved_orbit import SavedLaws, with_note
     from .start import LONGEST_START, StartLike, check_start, in_units_of, stated_unknowns, unknowns_of_start
-    from .swing import Swing as Swing, SwingEvent as SwingEvent, SwingFamily as SwingFamily
+    from .swing import Swing as Swing, SwingFamily as SwingFamily
     from .swings import follow_swings, grip_of
     from .tuned_orbits import (
         METHOD,

@@ -153,24 +153,14 @@ class _Followed:
     ) -> OscillationFamily:
         """The family between two energies."""
         begin, last = self._range(stop)
-        requested, points, events = [self._energy("at", each) for each in at], list[Points](), list[Event]()
+        requested = [self._energy("at", each) for each in at]
         if outside := [each for each in requested if not min(begin, last) <= each <= max(begin, last)]:
             value = at[requested.index(outside[0])]
             raise InputError(f"at = {value:g} is not reached: it must lie between the first and the last energy")
         with without_units(self.units), interrupts.deferred():
             curve, point = self._point(number, begin, 1.0 if last > begin else -1.0)
-            try:
-                for item in Run(curve, point, last, behind=begin, at=requested, options=steps):
-                    if isinstance(item, End):
-                        end = item
-                    elif isinstance(item, Event):
-                        events.append(item)
-                    else:
-                        points.append(item)
-                        if progress:
-                            progress(min(max(float(item.values[-1] - begin) / (last - begin), 0.0), 1.0))
-            except TimeOver as over:
-                end = End("interrupted", str(over))
+            run = Run(curve, point, last, behind=begin, at=requested, options=steps)
+            points, events, end = collected(run, begin, last, progress)
         unit, n, own = self._unit, len(self.states), np.concatenate([each.own for each in points])
         sizes = np.array([*map(unit, self.states), unit(TIME), 1.0, unit(ENERGY)])
         xs = np.concatenate([each.xs for each in points]) * sizes
@@ -194,6 +184,24 @@ class _Followed:
         if begin == last:
             raise InputError(f"the energy goes from {ends[0]:g} to {ends[1]:g}: there is no way between")
         return begin, last
+
+
+def collected(run: Run, begin: float, last: float, progress: Progress) -> tuple[list[Points], list[Event], End]:
+    """The points, the events and the end of a run between two values of its parameter."""
+    points, events, end = list[Points](), list[Event](), End("stopped")
+    try:
+        for item in run:
+            if isinstance(item, End):
+                end = item
+            elif isinstance(item, Event):
+                events.append(item)
+            else:
+                points.append(item)
+                if progress:
+                    progress(min(max(float(item.values[-1] - begin) / (last - begin), 0.0), 1.0))
+    except TimeOver as over:
+        end = End("interrupted", str(over))
+    return points, events, end
 
 
 def _multipliers(own: np.ndarray) -> np.ndarray:

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..curves import End
+from ..curves import End, Event
 from ..errors import InputError
 from ..flow import Trajectory
 from ..io import Document
@@ -30,23 +30,22 @@ class Swing(Result, what="swing", in_line=("half_swing", "mean_speed", "admissib
     let go at once; it may also wait where nothing moves while both grips hold.
 
     machine : in words and numbers
-    release : the numbers of the release, by name
-    half_swing, errors : half its time, and bounds on the errors of this and of the numbers of the release, by name
+    start : the unknowns by name, the numbers of the release and "half_swing", half the time of a swing, which begin a
+        search near it
+    errors : bounds on their errors
     rates : of the coordinates (n,) in the middle of the swing
-    step, mean_speed : the distance of two holds, and this over the time of a swing, without a wait
-    smallest_grip_force, largest_grip_force : the least and the largest force by which the grip that holds carries the
-        machine, upwards; below 0 it has to push the machine down, which a hook cannot. None where the masses have no
-        places across
-    clearance : the least distance of the free grip from what it takes hold of, at a minimum within the swing; None for
-        a swing without one
-    smallest_separation : the least distance within the machine that must stay positive; None where none is stated
+    numbers : by name the "step", the distance of two holds; the "mean_speed", this over the time of a swing without a
+        wait; the "smallest_grip_force" and the "largest_grip_force", by which the grip that holds carries the machine
+        upwards, as a hook does if it is not below 0; the "clearance", the least distance of the free grip from what it
+        takes hold of at a minimum within the swing; the "smallest_separation"; the "energy_drift" along the motion, and
+        the largest "residual" of the equations. None for one that there is not
     violations : the violated conditions of a motion, in words; empty for an admissible swing
-    energy_drift : largest change of the energy along the motion
-    residual : the largest residual of the equations
     motion : of the states over half a swing
     reversor : the sign and the shift of each state under the reversor (2, 2n), which leads to the second half
     units : of the quantities by name; empty for a dimensionless machine
     source : the machine itself, or None
+
+    The unknowns and the numbers are attributes too.
 
     >>> from orbits import find
     >>> from problems import brachiator
@@ -56,48 +55,29 @@ class Swing(Result, what="swing", in_line=("half_swing", "mean_speed", "admissib
     """
 
     machine: Mapping[str, Any]
-    release: Mapping[str, float]
-    half_swing: float
+    start: Mapping[str, float]
     errors: Mapping[str, float]
     rates: np.ndarray
-    step: float
-    mean_speed: float
-    energy_drift: float
-    residual: float
+    numbers: Mapping[str, float | None]
+    violations: tuple[str, ...]
     motion: Trajectory
     reversor: np.ndarray
-    clearance: float | None = None
-    smallest_grip_force: float | None = None
-    largest_grip_force: float | None = None
-    smallest_separation: float | None = None
-    violations: tuple[str, ...] = ()
     units: Mapping[str, str] = field(default_factory=dict)
     source: Any = None
 
     def __getattr__(self, name: str) -> Any:
-        if name in vars(self).get("release", ()):
-            return self.release[name]
-        return super().__getattr__(name)  # type: ignore[misc]
+        own = vars(self).get("start", {}) | vars(self).get("numbers", {})
+        return own[name] if name in own else super().__getattr__(name)  # type: ignore[misc]
 
     @property
     def period(self) -> float:
         """The time from a release to the next one, without a wait."""
-        return 2 * self.half_swing
-
-    @property
-    def error(self) -> float:
-        """The bound on the error of half its time."""
-        return self.errors[HALF_SWING]
+        return 2 * self.start[HALF_SWING]
 
     @property
     def admissible(self) -> bool:
         """Whether it is a motion, not merely a root of the equations."""
         return not self.violations
-
-    @property
-    def start(self) -> dict[str, float]:
-        """The unknowns by name, which begin a search near it."""
-        return {**self.release, HALF_SWING: self.half_swing}
 
     def __call__(self, t: ArrayLike) -> np.ndarray:
         """States (..., 2n) at times `t` (...), in the names of the present swing: they repeat after each swing."""
@@ -111,14 +91,9 @@ class Swing(Result, what="swing", in_line=("half_swing", "mean_speed", "admissib
         return {"time": times, **dict(zip(self.motion.names, self(times).T, strict=True))}
 
     def document(self) -> Document:
-        """The result as JSON-ready data, with the numbers of the release among the others."""
+        """The result as JSON-ready data, with the unknowns and the numbers among the others."""
         own = {"errors": self.errors, "admissible": self.admissible, "violations": list(self.violations)}
-        return stored({**self.machine, **self.start, "rates": self.rates.tolist(), **self._numbers, **own})
-
-    @property
-    def _numbers(self) -> dict[str, float | None]:
-        names = "step", "mean_speed", "smallest_grip_force", "largest_grip_force", "clearance", "smallest_separation"
-        return {name: getattr(self, name) for name in (*names, "energy_drift", "residual")}
+        return stored({**self.machine, **self.start, "rates": self.rates.tolist(), **self.numbers, **own})
 
     def title(self) -> str:
         kind = "" if self.admissible else " (inadmissible)"
@@ -136,18 +111,17 @@ class Swing(Result, what="swing", in_line=("half_swing", "mean_speed", "admissib
             yield Row(name.replace("_", " "), {name: value}, cell, {name: self.errors[name]})
         for name, value in zip(self.motion.names[1::2], self.rates.tolist(), strict=True):
             yield Row.of(f"{name} in mid-swing", value, self.unit_of(name))
-        for name, number in self._numbers.items():
+        rough = {"energy_drift", "residual", "error bound"}
+        for name, number in {**self.numbers, "error bound": self.errors[HALF_SWING]}.items():
             if number is not None:
-                rough = name in ("energy_drift", "residual")
-                yield Row.of(name, number, self.unit_of(name), pattern="{:.1e}" if rough else "{}")
-        yield Row.of("error bound", self.error, self.unit_of(HALF_SWING), pattern="{:.1e}")
+                yield Row.of(name, number, self.unit_of(name), pattern="{:.1e}" if name in rough else "{}")
 
     @property
     def drawn(self) -> SimpleNamespace:
         """What a drawing needs of the machine, with the numbers of the release among its parameters."""
         if (drawing := getattr(self.source, "drawing", None)) is None:
             raise InputError("the swing is drawn by its machine, which must state a drawing: load(path, machine)")
-        values = {**self.source.values, **self.release}
+        values = {**self.source.values, **self.start}
         return SimpleNamespace(drawing=drawing, coordinates=self.source.coordinates, values=values)
 
     def plot(self, axes: Axes | None = None) -> Axes:
@@ -159,32 +133,18 @@ class Swing(Result, what="swing", in_line=("half_swing", "mean_speed", "admissib
         return shown("animation").animate_swing(self, path, frames, progress)
 
 
-@dataclass(frozen=True)
-class SwingEvent:
-    """A located event on a family of swings.
-
-    kind : "fold" (the parameter turns round), "branch point" (another family crosses), "grazing" (beyond it the free
-        grip passes what it takes hold of), "parts touch" (beyond it the separation is below 0), or "value" (a requested
-        value)
-    after : index of the point before it
-    numbers : the parameter, the unknowns and the quantities there, by name; None for one that there is not
-    """
-
-    kind: str
-    after: int
-    numbers: Mapping[str, float | None] = field(repr=False)
-
-
 @dataclass(frozen=True, eq=False, repr=False)
 class SwingFamily(Result, what="family of swings", dimension="point", document_is_whole=True):
     """A family of swings along a parameter, as `follow` returns it for a machine with a `Grip`.
 
     machine : in words and numbers
     name : of the parameter
-    columns : of the points (m,): the parameter, the unknowns, the quantities of a `Swing`, with its `error`, by name;
-        NaN for the clearance of a swing without one
+    columns : by name the parameter, the unknowns, the numbers of a `Swing` and the "error" of half its time (m,); NaN
+        for one that there is not
     unknowns : the names of the unknowns among them
-    events : between the points, in order
+    events : between the points, in order, each with these numbers as its `point`: "fold" (the parameter turns round),
+        "branch point" (another family crosses), "grazing" (beyond it the free grip passes what it takes hold of),
+        "parts touch" (beyond it the separation is below 0), or "value" (a requested value)
     end : how it ends
     units : of the columns by name; empty for a dimensionless machine
 
@@ -199,7 +159,7 @@ class SwingFamily(Result, what="family of swings", dimension="point", document_i
     name: str
     columns: Mapping[str, np.ndarray]
     unknowns: tuple[str, ...]
-    events: tuple[SwingEvent, ...]
+    events: tuple[Event, ...]
     end: End
     units: Mapping[str, str] = field(default_factory=dict)
 
@@ -211,13 +171,6 @@ class SwingFamily(Result, what="family of swings", dimension="point", document_i
         """Whether the swings (m,) are motions."""
         return ~((self.columns["clearance"] < 0) | (self.columns["smallest_separation"] < 0))
 
-    number, bounces = None, False  # as figures of families ask for
-
-    @property
-    def unstable(self) -> np.ndarray:
-        """None is called unstable, since the map of releases is not known."""
-        return np.zeros(len(self), bool)
-
     def table(self) -> dict[str, np.ndarray]:
         """The points as columns."""
         return dict(self.columns)
@@ -228,9 +181,9 @@ class SwingFamily(Result, what="family of swings", dimension="point", document_i
             raise InputError(f"the family has no '{name}'{suggest(name, self.columns)}")
         return self.columns[name]
 
-    def at_event(self, event: SwingEvent) -> Mapping[str, float | None]:
+    def at_event(self, event: Event) -> Mapping[str, float | None]:
         """The numbers at an event, by name."""
-        return event.numbers
+        return event.point
 
     def start(self, point: int) -> dict[str, float]:
         """The unknowns at a point by its index, as `find` takes them with the parameter's value there."""
@@ -242,16 +195,20 @@ class SwingFamily(Result, what="family of swings", dimension="point", document_i
     def title(self) -> str:
         return f"swings of {title_of_machine(self.machine)}, along {self.name}: {len(self)}"
 
+    @property
+    def _main(self) -> tuple[str, ...]:
+        return self.name, *self.unknowns, "mean_speed"
+
     def heads(self) -> list[str]:
-        return ["", *map(self.heading, (self.name, *self.unknowns, "mean_speed"))]
+        return ["", *map(self.heading, self._main)]
 
     def _rows(self) -> Iterator[Row]:
         """The ends of the family and the events between them."""
-        names = self.name, *self.unknowns, "mean_speed"
-        ends: list[Mapping[str, float | None]] = [{n: float(self.columns[n][i]) for n in names} for i in (0, -1)]
-        first, last = ends
-        for kind, numbers in [("first", first), *((e.kind, e.numbers) for e in self.events), ("last", last)]:
-            yield Row(kind, {f"{name} at {kind}": numbers[name] for name in names}, ("{}",) * len(names))
+        first, last = ({name: each[i] for name, each in self.columns.items()} for i in (0, -1))
+        for kind, numbers in [("first", first), *((e.kind, e.point) for e in self.events), ("last", last)]:
+            yield Row(
+                kind, {f"{name} at {kind}": float(numbers[name]) for name in self._main}, ("{}",) * len(self._main)
+            )
 
     def _notes(self) -> list[str]:
         return [f"largest error of half a swing {self.columns['error'].max():.1e} {self.unit_of(HALF_SWING)}".rstrip(),

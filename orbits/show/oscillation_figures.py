@@ -24,15 +24,17 @@ def plot_oscillation(oscillation: Any, axes: Axes | None = None) -> Axes:
 
 
 def plot_oscillations(family: Any, quantity: str, axes: Axes | None = None, along: str = "energy") -> Axes:
-    """Plot a column of an `OscillationFamily` against another, with the events and how it ends; return the axes.
+    """Plot a column of an `OscillationFamily`, or of a `SwingFamily`, against another, with the events and how it ends;
+    return the axes.
 
     Unstable oscillations, and those at which the ground would have to pull, are dashed. Further families go into the
     same axes.
     """
     first, axes = axes is None, axes_or_new(axes, 0.75)
     x, y = family.column(along), family.column(quantity)
-    pulls, unstable = ~family.admissible, family.unstable
-    name = f"mode {family.number}" if family.number and not family.bounces else family.title().split()[0]
+    pulls, unstable = ~family.admissible, getattr(family, "unstable", np.zeros(len(family), bool))
+    number = None if getattr(family, "bounces", True) else family.number
+    name = f"mode {number}" if number else family.title().split()[0]
     (line,) = axes.plot(x, np.where(unstable | pulls, np.nan, y), lw=STYLE.line, label=name)
     known = set(axes.get_legend_handles_labels()[1])
     for name, chosen in (("unstable", unstable & ~pulls), (NO_MOTIONS, pulls)):

@@ -14,10 +14,6 @@ that at release is one more unknown, and its angle in mid-swing one more equatio
 Biology 237 (2005) 265-278.
 """
 
-from collections.abc import Mapping
-from math import inf
-from typing import Any
-
 from orbits import Mechanism
 from orbits.errors import InputError, true_or_false
 from orbits.laws import number
@@ -25,16 +21,13 @@ from orbits.mechanics import Drawing, Grip, Mass, Outline
 
 from .parameters import gravity_in_si
 
-# The numbers of a brachiator without units where they are not stated, and the units of those in SI.
-WITHOUT_UNITS = {
-    "mass": 1.0, "arm_mass": 0.25, "arm_length": 1.0, "arm_centre": 0.5, "body_inertia": 0.0, "body_centre": 0.0,
-}  # fmt: skip
-UNITS = {
-    "mass": "kg", "arm_mass": "kg", "arm_length": "m", "arm_centre": "m", "arm_inertia": "kg m^2",
-    "body_inertia": "kg m^2", "body_centre": "m",
+# Of each number its value without units where it is not stated, and its unit in SI.
+NUMBERS = {
+    "mass": (1.0, "kg"), "arm_mass": (0.25, "kg"), "arm_length": (1.0, "m"), "arm_centre": (0.5, "m"),
+    "body_inertia": (0.0, "kg m^2"), "body_centre": (0.0, "m"),
 }  # fmt: skip
 ROD = "arm_mass*arm_length**2/12"
-TIME = "sqrt(arm_length/surface_gravity)"
+TIME, CENTRE = "sqrt(arm_length/surface_gravity)", "(arm_length - arm_centre)"
 SHOULDER = ("arm_length*sin(held)", "-arm_length*cos(held)")
 
 
@@ -65,39 +58,36 @@ def brachiator(
     [0.4872, 0.2017, 0.0508]
     """
     in_si = true_or_false("in_si", in_si)
-    gravity = 1.0 if surface_gravity is None and not in_si else gravity_in_si(surface_gravity)
     stated = {
         "mass": mass, "arm_mass": arm_mass, "arm_length": arm_length, "arm_centre": arm_centre,
-        "arm_inertia": arm_inertia, "body_inertia": body_inertia, "body_centre": body_centre,
+        "body_inertia": body_inertia, "body_centre": body_centre,
     }  # fmt: skip
     turns = body_inertia is not None or body_centre is not None
-    used = [name for name in WITHOUT_UNITS if turns or not name.startswith("body")]
-    missing = [name for name in used if in_si and stated[name] is None and name != "body_centre"]
+    own, missing = dict[str, float](), list[str]()
+    for name, (usual, unit) in NUMBERS.items():
+        if turns or not name.startswith("body"):
+            own[name] = number(name, usual if (value := stated[name]) is None else value)
+            missing += [f"{name} ({unit})"] if in_si and value is None else []
     if missing:
-        needed = ", ".join(f"{name} ({UNITS[name]})" for name in missing)
-        raise InputError(f"a brachiator in SI needs {needed}: only one without units has default values")
-    own: dict[str, Any] = {name: WITHOUT_UNITS[name] if stated[name] is None else stated[name] for name in used}
-    own |= {} if arm_inertia is None else {"arm_inertia": arm_inertia}
-    own = {name: number(name, value) for name, value in own.items()} | {"surface_gravity": gravity}
-    _refuse(own)
-    release: dict[str, tuple[str, str]] = {"angle": ("0", "pi")}
-    body = ("-arm_length*cos(held) - body_centre*cos(body)", "arm_length*sin(held) + body_centre*sin(body)")
-    body_own = {"body": "body_inertia"} if turns else {}
+        raise InputError(f"a brachiator in SI needs {', '.join(missing)}: only one without units has default values")
+    own["surface_gravity"] = 1.0 if surface_gravity is None and not in_si else gravity_in_si(surface_gravity)
+    own |= {} if arm_inertia is None else {"arm_inertia": number("arm_inertia", arm_inertia)}
+    inertia, angles, release = ROD if arm_inertia is None else "arm_inertia", ["held", "free"], {"angle": ("0", "pi")}
+    moved, body = dict.fromkeys(angles, inertia), SHOULDER
     if turns:
+        angles, moved = [*angles, "body"], moved | {"body": "body_inertia"}
+        body = (f"{SHOULDER[0]} + body_centre*sin(body)", f"{SHOULDER[1]} - body_centre*cos(body)")
         release |= {"body'": (f"-3/{TIME}", f"3/{TIME}")}
-    arms = ("held", "free")
-    angles = (*arms, "body") if turns else arms
-    centre = "(arm_length - arm_centre)"
     return Mechanism(
         name="brachiator",
         coordinates=angles,
         elements=[
-            Mass(f"-{centre}*cos(held)", "arm_mass", across=f"{centre}*sin(held)"),
+            Mass(f"-{CENTRE}*cos(held)", "arm_mass", across=f"{CENTRE}*sin(held)"),
             Mass(f"{SHOULDER[1]} - arm_centre*cos(free)", "arm_mass", across=f"{SHOULDER[0]} + arm_centre*sin(free)"),
-            Mass(body[0] if turns else SHOULDER[1], "mass - 2*arm_mass", across=body[1] if turns else SHOULDER[0]),
+            Mass(body[1], "mass - 2*arm_mass", across=body[0]),
         ],
         gap=None,
-        inertia=dict.fromkeys(arms, ROD if arm_inertia is None else "arm_inertia") | body_own,
+        inertia=moved,
         surface_gravity="surface_gravity",
         parameters=own,
         counts="held",
@@ -110,38 +100,24 @@ def brachiator(
             clearance="arm_length*(cos(held) + cos(free))",
             longest=f"4.5*{TIME}",
         ),
-        bounds={name: (0.0, inf) for name in ("mass", "arm_mass", "arm_length", "arm_inertia", "body_inertia")
-                if name in own},
         separation="arm_length*cos(held)",
         words={"separation": "the shoulder rises above the bar"},
         in_si=in_si,
         drawing=_drawn(turns),
-    )  # fmt: skip
-
-
-def _refuse(own: Mapping[str, float]) -> None:
-    """Raise `InputError` for numbers that no brachiator has."""
-    for name in ("mass", "arm_mass", "arm_length"):
-        if not own[name] > 0:
-            raise InputError(f"{name} = {own[name]:g}; for a brachiator it must lie above 0")
-    if not 2 * own["arm_mass"] < own["mass"]:
-        raise InputError(f"arm_mass = {own['arm_mass']:g}; two arms must be lighter than mass = {own['mass']:g}")
-    if own.get("arm_inertia", 0.0) < 0 or own.get("body_inertia", 0.0) < 0:
-        raise InputError("arm_inertia and body_inertia of a brachiator must not lie below 0")
+    )
 
 
 def _drawn(turns: bool) -> Drawing:
     """Two arms, a shoulder, and the bar."""
     hand = ("arm_length*(sin(held) + sin(free))", "-arm_length*(cos(held) + cos(free))")
     trunk = ("arm_length*sin(held) + arm_length*sin(body)/2", "-arm_length*cos(held) - arm_length*cos(body)/2")
-    body = [Outline("body", [SHOULDER, trunk if turns else SHOULDER], ends=True)]
     bar = [(f"{share}*arm_length*sin(angle)", "0") for share in (-3, 7)]
     return Drawing(
         [
             Outline("bar", bar, fixed=True),
             Outline("holding arm", [("0", "0"), SHOULDER]),
             Outline("free arm", [SHOULDER, hand]),
-            *body,
+            Outline("body", [SHOULDER, trunk if turns else SHOULDER], ends=True),
             Outline("path of the free hand", [hand], traced=True),
         ],
         onward={"x": "x + 2*arm_length*sin(angle)"},
