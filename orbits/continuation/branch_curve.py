@@ -28,6 +28,8 @@ def follow_branch_points(point: BranchPoint, along: str, values: Sequence[float]
     """
     if not isinstance(point, BranchPoint):
         raise InputError(f"point = {point!r}; it must be a point that find_branch_points returns")
+    if point.hop is None:
+        raise InputError("a walk begins at this point: find_branch_points of a machine with other values finds others")
     if not is_list(values):
         raise InputError(f"values = {values!r}; it must be a list of values")
     machine, names = point.machine, tuple(point.values)
@@ -54,7 +56,7 @@ def follow_branch_points(point: BranchPoint, along: str, values: Sequence[float]
                 each = branch_point(machine, lateral, equations, u, p)
             except (NoOrbit, InputError):
                 break
-            if each.hop.family != point.hop.family:
+            if not each.hop or each.hop.family != point.hop.family:
                 break
             found.append(each)
     return tuple(found)

@@ -94,7 +94,7 @@ def _lengths(height: object, coordinates: set[str]) -> dict[str, Dimension]:
 
 
 def _summed(expression: object) -> list[str]:
-    """The names in a formula of which it is a sum, each times a number."""
+    """The names that a formula adds, each times a number."""
     return [name for name in sorted(names_in(expression)) if plain_slope(str(expression), name)]
 
 

@@ -1,10 +1,10 @@
-"""Branch points: the designs of a machine at which runs branch off its vertical hop."""
+"""Branch points: the designs of a machine at which runs branch off its vertical hop, and walks off rest."""
 
 from collections.abc import Mapping
 from contextlib import nullcontext
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
-from itertools import combinations
+from itertools import combinations, product
 from typing import Any, NamedTuple
 
 import casadi as ca
@@ -22,6 +22,7 @@ from .find import find
 from .orbit import Orbit
 from .orbit_found import unknowns_of_hop, vertical_hop
 from .orbits_at_once import lowest_orbits
+from .quantities import step_of
 
 
 class BranchPointOptions(NamedTuple):
@@ -39,36 +40,39 @@ BRANCH_POINTS = BranchPointOptions()
 
 @dataclass(frozen=True)
 class BranchPoint:
-    """A design at which runs branch off the vertical hop, to both sides.
+    """A design at which runs branch off the vertical hop, to both sides, or walks off the machine at rest.
 
     machine : with the values of the branch point
     values, errors : of the two searched parameters by name, and bounds on their errors
-    hop : the vertical hop, certified as an orbit of `machine.upright()`
-    direction : the lateral unknowns of a launch, by name, per unit of the speed of the centre of mass in flight
-    step : the step per unit of this speed
+    hop : the vertical hop, certified as an orbit of `machine.upright()`; None of a machine that walks
+    direction : the lateral unknowns of a launch, by name, per unit of the speed of the centre of mass in flight; of a
+        walk, all of them per unit of what sticks, at landing
+    step : the step per unit of the same
     nullity : the number of independent directions; 1 at a simple branch point
     conditioning : the least singular value other than 0 over the largest, of the lateral conditions with columns and
         then rows scaled to size 1; near 0, a second direction almost exists
+    times : "duration" and "contact_duration", half the times of flight and contact, of a walk; empty for a run
     """
 
     machine: Machine
     values: Mapping[str, float]
     errors: Mapping[str, float]
-    hop: Orbit
+    hop: Orbit | None
     direction: Mapping[str, float]
     step: float
     nullity: int
     conditioning: float
+    times: Mapping[str, float] = field(default_factory=dict)
 
     def start(self, speed: float) -> dict[str, float]:
-        """The unknowns by name of half a run near the branch point, as a start of `find`, for a small speed. Their
-        error, and the change of the parameters along the branch, grow like the square of the speed. Raises `InputError`
-        for the speed 0, at which every design hops."""
-        speed, own = finite_number("speed", speed), unknowns_of_hop(self.hop)
+        """The unknowns by name of half a run near the branch point, as a start of `find`, for a small speed; or of half
+        a walk, for a small place at landing of what sticks. Their error, and the change of the parameters along the
+        branch, grow like its square. Raises `InputError` for the speed 0, at which every design hops or rests."""
+        speed, own = finite_number("speed", speed), dict(self.times) if self.hop is None else unknowns_of_hop(self.hop)
         if speed == 0:
             raise InputError("speed = 0: at speed 0 every design hops, so no run is found; start at 0.01 or -0.01")
         lateral = {name: speed * value for name, value in self.direction.items()}
-        return {**own, **lateral, STEP_LENGTH: speed * self.step}
+        return {**own, **lateral, **({} if self.hop is None else {STEP_LENGTH: speed * self.step})}
 
 
 @exclusive
@@ -80,9 +84,10 @@ def find_branch_points(
     designs: int = 100,
     limit: float | None = None,
 ) -> tuple[BranchPoint, ...]:
-    """Find all designs in a range of two parameters at which runs branch off the vertical hop of a machine.
+    """Find all designs in a range of two parameters at which runs branch off the vertical hop of a machine, or walks
+    off the machine at rest.
 
-    machine : a `problems.runner`, or another `Mechanism` with one coordinate that sticks
+    machine : a `problems.runner` or `problems.walker`, or another `Mechanism` with one coordinate that sticks
     over : the range of each of two parameters, by name
     family : of the hop
     designs : the number of values of each parameter at which the search begins
@@ -94,7 +99,8 @@ def find_branch_points(
     the samples of a cell the curvature of a minor is assumed to be at most four times what their second differences
     show. This is not a proof. The search may miss branch points that are closer together than a cell halved five times.
     It misses those in cells where a design has no hop of the family, or one in which parts pass through each other.
-    Wide ranges above 0 are divided evenly in their logarithm.
+    Wide ranges above 0 are divided evenly in their logarithm. Walks are searched from fewer designs, see `small_steps`,
+    up to a longest time, and some may be missed.
 
     Returns the branch points by the first parameter. A run near one is found from its `start`. Raises `NoOrbit` where
     there is none, or no hop, and `InputError` for a machine without a vertical hop and for invalid ranges.
@@ -109,6 +115,8 @@ def find_branch_points(
     ranges = _checked_ranges(machine, over)
     whole_number("designs", designs, least=4, most=BRANCH_POINTS.designs)
     with interrupts.deferred(), time_limit(limit) if limit is not None else nullcontext():
+        if not machine.model.runs:
+            return _where_walks_begin(machine, ranges)
         search, found = _DesignSearch(machine, ranges, family_number(family)), list[BranchPoint]()
         places, missed = near_common_zeros(search.minors, designs)
         for place in places:
@@ -120,6 +128,38 @@ def find_branch_points(
         box = " and ".join(f"{name} from {low:g} to {high:g}" for name, (low, high) in ranges.items())
         without = f"; {missed} of the designs have no such hop" if missed else ""
         raise NoOrbit(f"no run branches off the vertical hop of family {family} with {box}{without}")
+    return tuple(sorted(found, key=lambda point: tuple(point.values.values())))
+
+
+def _where_walks_begin(machine: Machine, ranges: Mapping[str, tuple[float, float]]) -> tuple[BranchPoint, ...]:
+    """The designs in ranges at which walks begin, from small steps near values in them."""
+    from .small_steps import SMALL_STEPS, small_steps_near  # SciPy takes long to import
+
+    model, bare, found = machine.model, dimensionless(machine), list[BranchPoint]()
+    grids = [
+        np.linspace(*ends, count + 1)[1:] for ends, count in zip(ranges.values(), SMALL_STEPS.designs, strict=True)
+    ]
+    for design in product(*grids):
+        check_time()
+        p = {**bare.values, **dict(zip(ranges, design, strict=True))}
+        for step in small_steps_near(model, p, tuple(ranges)):
+            inside = all(low <= step.tuned[name] <= high for name, (low, high) in ranges.items())
+            if not inside or any(
+                np.allclose(step.flight, each.times["duration"], rtol=SMALL_STEPS.same) for each in found
+            ):
+                continue
+            direction = {name: float(step.launch[place]) for name, place in model.launch_places.items()}
+            times = {"duration": float(step.flight), "contact_duration": float(step.contact)}
+            own = machine.with_values(**step.tuned)
+            small = {name: SMALL_STEPS.size * value for name, value in direction.items()}
+            each = float(step_of(model, {**small, **times}, own.values)) / SMALL_STEPS.size
+            errors = dict.fromkeys(step.tuned, step.misfit)
+            found.append(
+                BranchPoint(own, step.tuned, errors, None, direction, each, 1, step.sizes[-2] / step.sizes[0], times)
+            )
+    if not found:
+        box = " and ".join(f"{name} from {low:g} to {high:g}" for name, (low, high) in ranges.items())
+        raise NoOrbit(f"no walk of a {model.name} begins with {box}")
     return tuple(sorted(found, key=lambda point: tuple(point.values.values())))
 
 

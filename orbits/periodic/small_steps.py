@@ -17,7 +17,7 @@ from typing import NamedTuple
 import casadi as ca
 import numpy as np
 from scipy.linalg import expm
-from scipy.optimize import root
+from scipy.optimize import approx_fprime, root
 
 from ..model import Model
 from ..numerics import Array
@@ -36,23 +36,29 @@ class SmallStepOptions(NamedTuple):
     shortest_way: float = 0.05  # share of the way to a prescribed walk: of shorter steps other small steps come first
     factors: tuple[float, ...] = (1.0, 0.5, 2.0, 0.1)  # of the first tuned number, where small steps are searched
     same: float = 1e-6  # share by which the times of two families differ
-    slower: float = (
-        0.1  # logarithm of the change of a tuned number for which a slower walk is tried before a faster one
-    )
+    designs: tuple[int, int] = (8, 3)  # values of two parameters from which branch points are searched
+    slower: float = 0.1  # logarithm of a tuned number's change for which a slower walk is tried before a faster one
 
 
 SMALL_STEPS = SmallStepOptions()
 
 
 class SmallStep(NamedTuple):
-    """A small step: half the times of flight and contact, the launch (k,) in contact states, in which what sticks is at
-    -1, the tuned numbers, and how well the conditions hold."""
+    """A small step.
+
+    flight, contact : half the times
+    launch : (k,), in contact states, in which what sticks is at -1
+    tuned : the tuned numbers by name
+    misfit : how well the conditions hold, or an estimate of the error of the tuned numbers
+    sizes : the singular values of the conditions of the launch
+    """
 
     flight: float
     contact: float
     launch: Array
     tuned: dict[str, float]
     misfit: float
+    sizes: tuple[float, ...] = ()
 
 
 class SmallSteps:
@@ -118,8 +124,14 @@ class SmallSteps:
                 return None
         here = step(found.x)
         holds = np.abs(found.fun).max() < SMALL_STEPS.residual and min(here.flight, here.contact) > 0
-        holds = holds and here.flight < _longest(self._at(here.tuned)[0])
-        return here._replace(misfit=float(np.abs(found.fun).max())) if holds else None
+        flight, contact = self._at(here.tuned)
+        if not holds or here.flight > _longest(flight):
+            return None
+        rows = np.vstack([self.conditions(flight, here.flight), self.middle(contact, here.contact)])
+        rounded = np.finfo(float).eps * (np.abs(rows) @ np.abs(here.launch)) + np.abs(found.fun)
+        inverse = np.linalg.inv(approx_fprime(found.x, residual))[2 + len(free) :]
+        sizes = np.linalg.svd(rows / np.linalg.norm(rows, axis=1)[:, None])[1]
+        return here._replace(misfit=float((np.abs(inverse) @ rounded).max()), sizes=tuple(sizes.tolist()))
 
     def _at(self, tuned: Mapping[str, float]) -> tuple[Array, Array]:
         """The matrices of flight and contact with tuned numbers."""
@@ -143,25 +155,29 @@ def _matrices(model: Model, names: tuple[str, ...]) -> ca.Function:
     return ca.Function("small_steps", [p], found)
 
 
+def small_steps_near(model: Model, p: Mapping[str, float], tuned: Sequence[str]) -> list[SmallStep]:
+    """The small steps with two tuned numbers to which those lead that satisfy the conditions best at numbers `p`, by
+    their times."""
+    steps = SmallSteps(model, p)
+    found = (steps.solved(near, tuned) for near in steps.guesses())
+    return sorted((each for each in found if each), key=lambda each: each.flight)
+
+
 def small_steps(model: Model, p: Mapping[str, float], tuned: Sequence[str]) -> Iterator[list[dict[str, float]]]:
     """The unknowns of half orbits by name, with tuned numbers, where families of walks begin: first the ones near the
     numbers `p`, in the order of their distance, then others. Where less than two numbers are tuned, the steps satisfy
     the conditions nearly."""
     places, known = model.launch_places, list[SmallStep]()
-    for factor in SMALL_STEPS.factors if len(tuned) > 1 else (1.0,):
-        steps = SmallSteps(model, {**p, **{name: factor * p[name] for name in tuned[:1]}})
-        found = steps.guesses()
-        if len(tuned) > 1:
-            solved = sorted(
-                (each for near in found if (each := steps.solved(near, tuned[:2]))), key=lambda each: each.flight
-            )
-            ways = [max(abs(np.log(abs(x / p[name]))) for name, x in each.tuned.items()) for each in solved]
-            nearest = sorted(range(len(solved)), key=lambda i: ways[i] + SMALL_STEPS.slower * i)
-            found = [solved[i] for i in nearest] or (found if factor == 1 else [])
+    if len(tuned) < 2:
+        yield [_start(each, places) for each in SmallSteps(model, p).guesses()]
+        return
+    for factor in SMALL_STEPS.factors:
+        solved = small_steps_near(model, {**p, tuned[0]: factor * p[tuned[0]]}, tuned[:2])
+        ways = [max(abs(np.log(abs(x / p[name]))) for name, x in each.tuned.items()) for each in solved]
         new = list[SmallStep]()
-        for each in found:
-            if not any(np.isclose(each.flight, other.flight, rtol=SMALL_STEPS.same) for other in (*known, *new)):
-                new.append(each)
+        for i in sorted(range(len(solved)), key=lambda i: ways[i] + SMALL_STEPS.slower * i):
+            if not any(np.isclose(solved[i].flight, other.flight, rtol=SMALL_STEPS.same) for other in (*known, *new)):
+                new.append(solved[i])
         known += new
         yield [_start(each, places) for each in new]
 
