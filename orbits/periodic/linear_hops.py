@@ -82,11 +82,13 @@ class LinearSearch:
 
     @staticmethod
     def finds_families(machine: Any) -> bool:
-        """Whether `find` searches the hops of a machine: one that steps, is linear, and whose launch has several
-        numbers."""
+        """Whether `find` searches the hops of a machine: one that steps, is linear and moves away from no rest, and
+        whose launch has several numbers."""
         model = machine.model
-        linear = model.flight.closed_form is not None and hasattr(machine, "linear_equations")
-        return linear and not (model.plain or model.one_speed or model.sticks or model.reversor is None)
+        modes = model.flight.closed_form if hasattr(machine, "linear_equations") else None
+        if modes is None or model.plain or model.one_speed or model.sticks or model.reversor is None:
+            return False
+        return not modes(machine.values).pushed
 
     @classmethod
     def of(cls, machine: Any) -> "LinearSearch":

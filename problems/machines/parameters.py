@@ -49,7 +49,7 @@ def numbers_and_laws(
     """The numbers that a machine uses, those of its springs' laws included, and these laws.
 
     stated : its own numbers; None stands for the usual value, of "surface_gravity" for 1 or the standard one in SI
-    units : of those that must be stated in SI, where the machine or its laws use them
+    units : of the numbers that must be stated in SI, where the machine or its laws use them
 
     Raises `InputError` for a number that is not above 0, and for a missing one in SI.
     """

@@ -1,10 +1,13 @@
 """Families are counted on orbits, and hold the lowest of them."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from two_feet import FEET
 
 from orbits import InputError, NoOrbit, find, find_all, starts
+from orbits.mechanics import Potential
 from problems import Hopper
 
 
@@ -53,6 +56,11 @@ def test_a_linear_machine_of_two_gaps_is_searched_by_its_modes():
     assert [each.alpha for each in find_all(heavy, 1, fastest=30.0)] == [each.alpha for each in family[:-1]]
     light = find(FEET.with_values(m=1.0))
     assert light.violations[0].startswith("the right touches in contact at t = 3.41243")
+    pushed = replace(FEET, coordinates=("h", "s", "d", "q"), inertia={"q": 1.0}, name="tall machine",
+                     elements=[*FEET.elements, Potential("q*d/10 - q**2/2")], heights=None,
+                     reversor={"d": "-d", "q": "-q"}, symmetry={"d": "-d", "q": "-q"})  # fmt: skip
+    with pytest.raises(NoOrbit, match="no guess of the families of a tall machine is known: give `find` a start"):
+        find(pushed)
     with pytest.raises(NoOrbit, match=r"none of 20 hops with half .* up to 12\.57 is of family 9"):
         find(heavy, 9)
     with pytest.raises(NoOrbit, match=r"none of 0 hops .* and launch speeds up to 2 is of family 1"):

@@ -7,7 +7,19 @@ import pytest
 from conftest import slow_after
 from scipy.integrate import solve_ivp
 
-from orbits import InputError, NoOrbit, find, find_all, follow, multipliers, prove, simulate, starts, sweep
+from orbits import (
+    InputError,
+    NoOrbit,
+    find,
+    find_all,
+    follow,
+    multipliers,
+    prove,
+    sensitivities,
+    simulate,
+    starts,
+    sweep,
+)
 from orbits.check_proof import check
 from orbits.show.plane import plane_paths
 from problems import alternating_hopper
@@ -143,6 +155,17 @@ def test_a_foot_below_the_ground_in_contact_is_seen_everywhere():
     proof |= {"proved": True, "reasons": [], "statement": stated}
     proof["conditions"]["clearance"] = "proved"
     assert check(proof) == ["a sign along the motion cannot be decided"]
+
+
+def test_sweeps_and_sensitivities_begin_with_its_own_orbit():
+    machine = alternating_hopper(3.0)
+    swept = sweep(machine, {"foot_mass": [2.9, 3.1]})
+    known = [find(alternating_hopper(mass)).alpha for mass in (2.9, 3.1)]
+    assert swept["alpha"] == pytest.approx(known, rel=1e-11)
+    slope = sensitivities(machine, names="foot_mass", quantities="alpha")["alpha"]["foot_mass"]
+    assert slope == pytest.approx((known[1] - known[0]) / 0.2, rel=3e-3)
+    with pytest.raises(InputError, match=r"family = \(1, 2\): orbits of a hopper on two feet are continued from one"):
+        sweep(machine, {"foot_mass": [2.9, 3.1]}, family=[1, 2])
 
 
 def test_feet_keep_their_places_in_a_drawing():
