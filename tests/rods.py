@@ -35,22 +35,38 @@ class Rods:
 
     def balance(self, q, v):
         """The accelerations (n, 3) and the forces (pins, 2) on the first rod of each pin, at q and v (n, 3)."""
-        n, p = len(self.masses), len(self.pins)
-        sin, cos = np.sin(q[:, 2]), np.cos(q[:, 2])
-        matrix, right = np.zeros((3 * n + 2 * p,) * 2), np.zeros(3 * n + 2 * p)
-        matrix[range(3 * n), range(3 * n)] = np.column_stack([self.masses, self.masses, self.inertias]).ravel()
+        n = len(self.masses)
+        matrix, turning = self.system(q, v)
+        right = np.concatenate([np.zeros(3 * n), turning])
         right[1 : 3 * n : 3] = -self.masses
         for i, j, k in self.springs:
             right[[3 * i + 2, 3 * j + 2]] += np.array([-k, k]) * (q[i, 2] - q[j, 2])
-        for row, (i, r, j, s) in zip(range(3 * n, 3 * n + 2 * p, 2), self.pins, strict=True):
+        found = np.linalg.solve(matrix, right)
+        return found[: 3 * n].reshape(n, 3), found[3 * n :].reshape(-1, 2)
+
+    def system(self, q, v):
+        """The matrix of accelerations and forces at q and v (n, 3), and the accelerations (2 pins,) from the turning
+        of the rods."""
+        n, p = len(self.masses), len(self.pins)
+        sin, cos = np.sin(q[:, 2]), np.cos(q[:, 2])
+        matrix, turning = np.zeros((3 * n + 2 * p,) * 2), np.zeros(2 * p)
+        matrix[range(3 * n), range(3 * n)] = np.column_stack([self.masses, self.masses, self.inertias]).ravel()
+        for row, (i, r, j, s) in zip(range(0, 2 * p, 2), self.pins, strict=True):
             for body, arm, sign in ((i, r, 1), (j, s, -1)):
                 if body is not None:
-                    x, turn = 3 * body, arm * v[body, 2] ** 2
+                    x, at = 3 * body, 3 * n + row
                     block = sign * np.array([[1, 0, arm * cos[body]], [0, 1, -arm * sin[body]]])
-                    matrix[row : row + 2, x : x + 3], matrix[x : x + 3, row : row + 2] = block, -block.T
-                    right[row : row + 2] += sign * turn * np.array([sin[body], cos[body]])
-        found = np.linalg.solve(matrix, right)
-        return found[: 3 * n].reshape(n, 3), found[3 * n :].reshape(p, 2)
+                    matrix[at : at + 2, x : x + 3], matrix[x : x + 3, at : at + 2] = block, -block.T
+                    turning[row : row + 2] += sign * arm * v[body, 2] ** 2 * np.array([sin[body], cos[body]])
+        return matrix, turning
+
+    def struck(self, state):
+        """The state after an impact that brings the pins to hold, and the impulses (pins, 2) on the first rods."""
+        (q, v), n = state, len(self.masses)
+        momentum = np.column_stack([self.masses, self.masses, self.inertias]) * v
+        matrix, turning = self.system(q, v)
+        found = np.linalg.solve(matrix, np.concatenate([momentum.ravel(), 0 * turning]))
+        return np.stack([q, found[: 3 * n].reshape(n, 3)]), found[3 * n :].reshape(-1, 2)
 
     def move(self, state, times):
         """The states (times, 2, n, 3) of places and velocities from `state` (2, n, 3) at the first of the times."""

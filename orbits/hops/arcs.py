@@ -81,7 +81,8 @@ class Flown:
     are recorded. After the time `left` (m,) a flight counts as endless; it is NaN before its start. At the start of
     an arc the gap of a `foot` (m,) has a zero of an `order` (m,). The rate of a spring with hysteresis has one of the
     order `turning` (m,), it has turned `turns` (m,) times in the phase, and `speeds` (m,) are those of the next
-    launches, NaN where there are none.
+    launches, NaN where there are none. A foot that passes the ground in mid-flight opened with the slope `reach` (m,)
+    of its height by the gap, which is 0 once it has passed.
     """
 
     starts: np.ndarray
@@ -99,6 +100,7 @@ class Flown:
         self.states, self.now, self.on_ground = self.starts.copy(), np.zeros(m), np.zeros(m, bool)
         self.left, self.order, self.foot = np.full(m, np.nan), np.full(m, LIFTOFF_ORDER), np.zeros(m, int)
         self.turning, self.turns, self.speeds = np.zeros(m, int), np.zeros(m, int), np.full(m, np.nan)
+        self.reach = np.zeros(m)
 
     @classmethod
     def begun(cls, rules: Rules, starts: np.ndarray, record: bool = False) -> "Flown":

@@ -14,7 +14,7 @@ import numpy as np
 from ..errors import FlowError
 from ..flow import Events, StopTest, Trajectory, Watch, first_events, recorded_event
 from .arcs import BRIEF, Arcs, Flown, Phase, Rules
-from .hand_over import Landed, landed
+from .hand_over import Landed, impulses, landed
 from .hop_inputs import Course
 from .hysteresis import Branches, first_reversal
 from .impacts import CAP, LIFTOFF_ORDER, STATUS, STATUSES, status_of_failure
@@ -180,13 +180,17 @@ class Flyer:
         """Fly motions up to their next events."""
         hops, impacts, x, watch = self.hops, phase.impacts, self.hops.states[lanes], self._watch(phase)
         if (fresh := np.isnan(hops.left[lanes])).any():
-            hops.left[lanes[fresh]] = impacts.longest_flight(x[fresh])
+            own = lanes[fresh]
+            hops.left[own] = impacts.longest_flight(x[fresh])
+            if impacts.model.grazes:
+                hops.reach[own] = impacts.reach(x[fresh], hops.foot[own], hops.order[own] > 0)
             if self.course and hops.order[lanes] == LIFTOFF_ORDER:
                 (self.course.launch,) = x
                 if not impacts.feet[hops.foot[lanes[0]]].opens(x, impacts.p)[0]:
                     return self._finish(lanes, status="no_launch")
         limit = np.minimum(hops.left[lanes], self._left(lanes))
-        opening = hops.order[lanes, None] * (np.arange(len(impacts.feet)) == hops.foot[lanes, None])
+        opens = impacts.model.grazes | (np.arange(len(impacts.gaps)) == hops.foot[lanes, None])
+        opening = hops.order[lanes, None] * opens
         falls = [FallTest(impacts.footing)] if self.thorough and impacts.footing.falls_by_formula else []
         orders = self._orders(lanes, watch, opening)
         found, path = self._events(phase, x, limit, orders, falls)
@@ -198,7 +202,7 @@ class Flyer:
                 path, _ = impacts.flight.run(x[0], impacts.p, float(times[0] if which[0] >= 0 else limit[0]))
             if not self._sticks(self.branches, lanes, phase, path):
                 return None
-        lands = (which >= 0) & (which < len(impacts.feet))
+        lands = (which >= 0) & (which < len(impacts.gaps))
         if not lands.all() or not self.endless:
             ends = (which >= 0) & (times < limit)
             for k in np.flatnonzero(~ends & (hops.status[lanes] == "")).tolist():
@@ -214,6 +218,13 @@ class Flyer:
             hops.left[lanes[turns]] -= times[turns]
             self._reverse(lanes[turns], phase, times[turns], rows[turns], path)
             lanes, which, times, rows = lanes[lands], which[lands], times[lands], rows[lands]
+        if impacts.model.grazes and len(lanes):
+            which, passes, scuffs = impacts.touched(rows, hops.foot[lanes], hops.reach[lanes])
+            for own, ending in ((passes, ""), (scuffs, FALLS)):
+                self._arrive(lanes[own], phase, times[own], rows[own], ending, ending, path)
+            own = lanes[passes]
+            hops.left[own], hops.reach[own], hops.order[own] = hops.left[own] - times[passes], 0.0, 1
+            lanes, times, rows, which = (each[~(passes | scuffs)] for each in (lanes, times, rows, which))
         if len(lanes):
             self._arrive(lanes, phase, times, rows, path=path)
             self._land(lanes, which)
@@ -239,7 +250,7 @@ class Flyer:
             hops.now[lane] = self.time
         if cut:
             hops.now[lane], hops.left[lane], hops.order[lane] = self.until, left, 0
-            if phase.impacts.gap(hops.states[lane])[0] <= 0:
+            if not phase.impacts.model.grazes and phase.impacts.gap(hops.states[lane])[0] <= 0:
                 self._land(lane, np.zeros(1, int))
         return None
 
@@ -278,14 +289,17 @@ class Flyer:
         hops.order[lanes], hops.foot[lanes], hops.left[lanes], hops.turns[lanes] = after.order, after.foot, np.nan, 0
         hops.status[lanes[~after.held & (after.ended == "") & (hops.impacts[lanes] >= self.cap)]] = "cap"
         if self.course:
-            self._land_on_course(self.course, lanes, rows[0], after)
+            self._land_on_course(self.course, lanes, rows[0], int(touches[0]), after)
 
-    def _land_on_course(self, course: Course, lane: np.ndarray, x: np.ndarray, after: Landed) -> None:
-        """End a simulation at a landing in a flight state (n,) where the foot slips, or where rounding decides."""
+    def _land_on_course(self, course: Course, lane: np.ndarray, x: np.ndarray, foot: int, after: Landed) -> None:
+        """End a simulation at a landing on a foot in a flight state (n,) where it slips, or where rounding decides."""
         (ended,), (last,) = after.ended.tolist(), self.hops.arcs[-1].durations
-        if ended:
+        if ended and ended != SLIPS:
             self._finish(lane, STATUSES[ended], ended)
-        if self.impacts.footing.slips_at_landing(x, float(last)):
+        footing, slips = self.impacts.footing, ended == SLIPS
+        if not ended and footing.friction is not None:
+            slips = footing.slips_at_landing(impulses(self.impacts, x, foot, after), float(last))
+        if slips:
             self._arrive(lane, Phase(False, self.impacts, 1), np.full(1, np.nan), after.state, SLIPS, SLIPS)
         elif after.held[0] and self.undecided and self.undecided(course, self.branches or self.impacts, self.cap):
             self._finish(lane, status="undecided")

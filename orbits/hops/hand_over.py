@@ -5,6 +5,10 @@ which the machine stands, with g' the speed of the gap there, D the direction of
 the rates y' to y' - (1 - rho) g' D, and m g'^2 (1 - rho^2)/2 is lost: rho is the share of the speed of the gap that is
 left, the same for steps forward and back. Where it is above 0 the foot that was let go opens; else both feet stay where
 both are pressed down. A landing so slow that its energy is rounding is caught by both feet, as a lossless one is.
+
+Feet that stick are both caught with all of their speed where the impulses press them, also where an impulse pulls that
+the force on the foot makes up for in a short time. Else the other foot is let go: the momentum about the one that lands
+stays. Where neither is possible, as a foot that lands would have to pull, it would slide, which ends the motion.
 """
 
 from typing import Any, NamedTuple
@@ -47,6 +51,8 @@ class Landed(NamedTuple):
 def landed(impacts: Any, x: np.ndarray, foot: np.ndarray) -> Landed:
     """The effect of landings at flight states (m, n) in which the gaps of feet (m,) are closed."""
     z, step = standing(impacts, x, foot)
+    if impacts.model.changes_contact and impacts.model.sticks:
+        return _caught(impacts, x, foot)
     if impacts.model.changes_contact:
         return _hand_overs(impacts, z, step)
     held, after, loss, wait, rises = impacts.landing(z)
@@ -57,7 +63,7 @@ def landed(impacts: Any, x: np.ndarray, foot: np.ndarray) -> Landed:
 
 def standing(impacts: Any, x: np.ndarray, foot: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Flight states (m, n) in which the gaps of feet (m,) are closed, in the labels in which the machine stands on
-    them, and the numbers (m,) of relabellings that lead there. What sticks is at 0 there, wherever it landed."""
+    them, and the numbers (m,) of relabellings that lead there. What sticks at 0 is there, wherever it landed."""
     z, step = x, np.zeros(len(x), int)
     for i, each in enumerate(impacts.feet):
         if each.labels and (own := foot == i).any():
@@ -74,8 +80,7 @@ def _hand_overs(impacts: Any, z: np.ndarray, step: np.ndarray) -> Landed:
     """The hand-overs at states (m, n), in the labels in which the machine stands, after these numbers of steps."""
     speed, direction = z @ impacts.gap_speed, impacts.direction(z)
     stuck = z - speed[:, None] * direction
-    forces = impacts.contact.field(stuck @ impacts.onto_contact.T, impacts.p)[1]
-    forces = np.stack([forces[:, each.row - impacts.contact.size] for each in impacts.exits])
+    forces = impacts.forces_of_exits(stuck)
     slow = np.abs(speed) <= SLOW * (1 + np.abs(z).max(1))
     rho = np.where(slow, 0.0, share_left(impacts, z))
     ended = np.where(np.isnan(rho), "unstated", np.where(rho**2 >= 1 - LOSSLESS_HAND_OVER, "rattles", ""))
@@ -108,3 +113,70 @@ def _rattling(impacts: Any, stuck: np.ndarray, speed: np.ndarray, rho: np.ndarra
             changes.append((*(np.abs(foot.rates(x, impacts.p)) / closing),))
         largest = np.max([total * (jerk + 0.5 * total * snap) for jerk, snap in changes], axis=0)
         return np.where(largest <= SUMMED_HAND_OVERS, total, np.inf)
+
+
+def let_go(impacts: Any, x: np.ndarray, foot: np.ndarray) -> np.ndarray:
+    """The flight states (m, n) after landings on feet (m,) at flight states (m, n) where the other foot is let go, in
+    its labels; NaN where they are not known."""
+    planar, found = impacts.model.planar, np.full_like(x, np.nan)
+    for i, taken_over in enumerate((planar.handed_back, planar.handed_over) if planar else ()):
+        if taken_over and (own := foot == i).any():
+            rows = taken_over(list(x[own].T), impacts.values)
+            found[own] = np.stack(np.broadcast_arrays(*rows, x[own, 0])[:-1], axis=1)
+    return found
+
+
+def impulses(impacts: Any, x: np.ndarray, foot: int, after: Landed) -> list[np.ndarray]:
+    """The impulses (2,) across and along the ground on the feet that a landing on one in a flight state (n,) presses.
+
+    A foot that it unloads for a moment is left out."""
+    model, values = impacts.model, impacts.values
+    if not model.grazes:
+        return [-np.array(model.impulses(x.tolist(), values), dtype=float)]
+    if after.order[0] == 1:
+        before, then = (model.planar.momentum(each.tolist(), values) for each in (x, after.state[0]))
+        return [np.subtract(then, before)]
+    (free,) = let_go(impacts, x[None], np.array([foot]))
+    found = [-np.array(model.impulses(each.tolist(), values), dtype=float) for each in (x, free)]
+    return [each for each in found if each[0] >= 0]
+
+
+def _caught(impacts: Any, x: np.ndarray, foot: np.ndarray) -> Landed:
+    """The landings of feet that stick at flight states (m, n), where both feet may stand then."""
+    model, values, own = impacts.model, impacts.values, np.arange(len(x))
+    z, step = standing(impacts, impacts.footing.stuck(x), foot)
+    forces, free = impacts.forces_of_exits(z), let_go(impacts, x, foot)
+    speeds = np.abs(np.stack(model.speeds_of_landing(list(x.T), values))).max(0)
+    fast = speeds > SLOW * (1 + np.abs(x).max(1))
+    opening = np.array([free @ each.speed for each in impacts.feet])[1 - foot, own]
+    # The impulses on the foot that lands and on the other one, in the order of the exits.
+    pushes = np.array([-np.stack(model.impulses(list(each.T), values))[0] for each in (x, free)])
+    caught = ~fast | (_unloaded(impacts, z, forces, pushes[[foot, 1 - foot], own]) <= impacts.options.unloaded)
+    leaves = ~caught & (opening > 0)
+    if leaves.any():
+        before, after = (np.stack(model.planar.momentum(list(each.T), values))[0] for each in (x, free))
+        leaves &= after >= before
+    ended = np.select([caught | leaves, np.isnan(opening)], ["", "unstated"], "slips")
+    held = caught & (forces >= 0).all(0)
+    back = np.where(leaves, foot == 0, ~held & (forces[1] < forces[0]))
+    loss = np.where(ended == "", np.broadcast_to(model.lost_at(list(x.T), values), len(x)), np.nan)
+    if leaves.any():
+        loss[leaves] = impacts.energies(x[leaves]) - impacts.energies(free[leaves])
+    way, none = impacts.exits[1], np.zeros(len(x))
+    state = np.where(leaves[:, None], free, np.where(back[:, None], way.opened(z, values), z))
+    order = np.where(held, 0, np.where(leaves, 1, 2))
+    return Landed(held, state, loss, none, order, np.where(back, way.foot, 0), step - back, ended, none)
+
+
+def _unloaded(impacts: Any, z: np.ndarray, forces: np.ndarray, pushes: np.ndarray) -> np.ndarray:
+    """The largest share (m,) by which the accelerations of feet change while the forces (2, m) on them in states (m, n)
+    make up for impulses (2, m) that would pull; infinite where they never do."""
+    shares = np.zeros(pushes.shape)
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+        for i, way in enumerate(impacts.exits):
+            foot, there = impacts.feet[way.foot], way.opened(z, impacts.values)
+            closing = -(impacts.flight.field(there, impacts.p)[0] @ foot.speed)
+            lasts = np.where((forces[i] > 0) & (closing > 0), -pushes[i] / forces[i], np.inf)
+            jerk, snap = np.abs(foot.rates(there, impacts.p)) / closing
+            shares[i] = np.where(pushes[i] < 0, lasts * (jerk + 0.5 * lasts * snap), 0.0)
+    return np.where(np.isnan(pushes), np.inf, shares).max(0)

@@ -66,6 +66,9 @@ class Course:
         self.launch, self.count = None, self.count + 1
         if self.decisions:
             self.decisions.lift_off(now)
-        # New inputs may pull immediately.
-        pulls = self.driven and impacts.pressing(after[None])[0] < -impacts.options.touching * (1 + np.abs(after).max())
+        # New inputs may pull immediately, and so may the end of the force along the ground on one of two feet.
+        tolerance = impacts.options.touching * (1 + np.abs(after).max())
+        pulls = self.driven and impacts.pressing(after[None])[0] < -tolerance
+        if model.grazes:
+            pulls |= impacts.flight.field(after[None], impacts.p)[0][0] @ impacts.feet[way.foot].speed > tolerance
         return after, 2 if pulls else LIFTOFF_ORDER

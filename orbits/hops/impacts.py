@@ -40,7 +40,8 @@ STATUSES = {
     "cap": "one hop has too many impacts, like a wheel that rolls down a steep slope: simulate it for a time",
     "rattles": "changes of foot lose nothing, as at small angles, and no contact ever holds: state the angle",
     "unstated": "a foot lands with a speed, and its impact needs masses in the plane: state their Mass(across=)",
-    "slips": "the foot needs more than the stated friction, but slipping cannot be simulated",
+    "slips": "the foot needs more than the stated friction, or would have to pull as it lands, but slipping cannot be "
+    "simulated",
     "falls": "a stated height of a machine that sticks, such as that of its body, reaches the ground; or a rocking "
     "block lies on its side; or the other foot touches while one stands, and two standing feet cannot be simulated",
     "undecided": "after many bounces, rounding decides how the hop ends",
@@ -75,6 +76,12 @@ class ImpactOptions(NamedTuple):
     # A gap, gap speed or contact force below this, relative to the state, is zero: rounding is smaller.
     touching: float = 1e-9
     grazing: float = 1e-12  # a contact force below this, relative to the state, vanishes
+    # Where the height of a point that passes the ground in mid-flight changes with its gap by a smaller share than
+    # where it opened, it is close to the standing point, and passes.
+    passing: float = 0.5
+    # An impulse that would pull one of two feet is made up for where the accelerations change by a smaller share until
+    # the force on this foot has done so.
+    unloaded: float = 0.1
     same_liftoff: float = 1e-12  # extensions at lift-off that differ by a smaller share are rounding
 
 
@@ -97,7 +104,7 @@ class ContactStop:
         self.still = impacts.options.still
         grazes = [*grazes]
         self.force_zeros, self.speed_zeros = [Crossings(int(each)) for each in grazes], Crossings()
-        self.slips = SlipTest(impacts.footing, impacts.contact_force, grazes[0])
+        self.slips = SlipTest(impacts.footing, grazes)
         self.falls = FallTest(impacts.footing, contact=True)
         self.turns_left, self.over = impacts.most_turns
         self.outcome: str | None = None
@@ -130,6 +137,7 @@ class Impacts:
     flight, contact : the flows of the two phases
     feet, exits : the points that may touch in flight, and the ways in which a contact ends
     footing : what sticks in contact
+    gaps : those of the feet that are watched, in flight
     gap, gap_speed : the gap of the first foot as a function of the flight state, and the weights of its speed
     contact_force, force_index : the contact force as a function of the rows of the contact's motion, and its place
         among the quantities that the contact watches
@@ -155,7 +163,8 @@ class Impacts:
         self.bounce_order = 1 if self.restitution > 0 else 2
         self.flight, self.contact = flow_of(model.flight, names), flow_of(model.contact, names)
         self.feet, self.exits = feet_of(model, self.flight, self.values), exits_of(model)
-        self.gap, self.contact_force = self.feet[0].gap, self.exits[0].force
+        self.gaps = [each.gap for each in (self.feet[:1] if model.grazes else self.feet)]
+        self.gap, self.contact_force = self.gaps[0], self.exits[0].force
         self.force_index = self.exits[0].row - self.contact.size
         self.footing = Footing(model, self.flight, self.contact, self.values)
         self.onto_contact = np.linalg.pinv(model.embed)
@@ -163,8 +172,8 @@ class Impacts:
     @cached_property
     def flight_watch(self) -> Watch:
         """What a flight is watched for: the gaps of the feet, and what closes as the machine falls over."""
-        gaps = [each.gap for each in (*self.feet, *self.footing.tilts)]
-        return Watch(self.flight, gaps, opening=len(self.feet))
+        gaps = [*self.gaps, *(each.gap for each in self.footing.tilts)]
+        return Watch(self.flight, gaps, opening=len(self.gaps))
 
     @cached_property
     def contact_watch(self) -> Watch:
@@ -239,6 +248,16 @@ class Impacts:
         return ca.Function("change_after", [x, change, factor], [ca.densify(ca.jtimes(after, x, change))])
 
     @cached_property
+    def change_let_go(self) -> tuple[ca.Function, ...]:
+        """For a landing on each foot, (flight state, a small change of it) -> the change after the other one was let
+        go, in its labels; for feet that stick."""
+        x, change = self.flight.vector_field.x, ca.SX.sym("change", self.flight.size)
+        planar = self.model.planar
+        maps = () if planar is None else (planar.handed_back, planar.handed_over)
+        after = [ca.vertcat(*each(ca.vertsplit(x), self.values)) for each in maps if each]
+        return tuple(ca.Function("let_go", [x, change], [ca.densify(ca.jtimes(each, x, change))]) for each in after)
+
+    @cached_property
     def share_slope(self) -> ca.Function:
         """(flight state in which the machine stands) -> the gradient (1, n) of the share that a hand-over leaves."""
         x = self.flight.vector_field.x
@@ -248,8 +267,29 @@ class Impacts:
     def shares_of_landing(self, x: np.ndarray, foot: Foot, ps: np.ndarray) -> np.ndarray:
         """The jerks (m, 1 + sticks) of the gap of a foot and of what sticks, over that of the gap, at flight states
         (m, n) with parameters (m, np)."""
-        jerks = np.array([each.rates(x, ps)[0] for each in (foot, *self.footing.held)]).T
+        first = self.feet[0] if self.model.grazes else foot
+        jerks = np.array([each.rates(x, ps)[0] for each in (first, *self.footing.held)]).T
         return jerks / jerks[:, :1]
+
+    def reach(self, x: np.ndarray, foot: np.ndarray, opens: np.ndarray) -> np.ndarray:
+        """The slopes (m,) of the height by the gap of feet (m,) that are open at flight states (m, n), or that open;
+        0 for feet that have passed the ground."""
+        gaps = np.array([each.gap(x) for each in self.feet])[foot, np.arange(len(x))]
+        return np.where(opens | (gaps > 0), np.maximum(self.slopes(x, foot), 0.0), 0.0)
+
+    def slopes(self, x: np.ndarray, foot: np.ndarray) -> np.ndarray:
+        """The slopes (m,) of the height of the contact point by the gap of feet (m,), where it is closed."""
+        weights = np.array([each.gap.weights for each in self.feet])[foot]
+        place = int(np.argmax(np.abs(weights[0])))
+        series = np.stack([np.where(np.arange(x.shape[1]) == place, 0.0, x), weights], axis=2)
+        return self.model.height_of(self.values).series(series)[:, 1]
+
+    def touched(self, x: np.ndarray, foot: np.ndarray, reach: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """The feet (m,) that touch at flight states (m, n) in which the gap vanishes, after the feet (m,) opened with
+        this `reach`; and whether (m,) the foot passes there instead, or is still behind and has not passed."""
+        slopes = self.slopes(x, foot)
+        ahead, near = reach == 0, slopes < self.options.passing * reach
+        return np.where(ahead, 1 - foot, foot), ~ahead & near, ahead & (slopes >= 0)
 
     def projection(self, x: np.ndarray, shares: np.ndarray, ps: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """What a tangential landing takes away from flight states (m, n) in which the machine stands, with parameters
@@ -319,6 +359,11 @@ class Impacts:
         if end.outcome or not endless:
             return path, end.outcome, ""
         return path, "collapses" if np.abs(path.end).max() > limit else "rests", ""
+
+    def forces_of_exits(self, z: np.ndarray) -> np.ndarray:
+        """The forces (exits, m) of the exits at flight states (m, n) that stand."""
+        forces = self.contact.field(z @ self.onto_contact.T, self.p)[1]
+        return np.stack([forces[:, each.row - self.contact.size] for each in self.exits])
 
     def force_at_start(self, way: Exit, y: np.ndarray, p: np.ndarray, tolerance: float) -> tuple[float, bool]:
         """The force of an exit in a contact state (k,), and whether it is 0 up to a tolerance and falls: it opens."""

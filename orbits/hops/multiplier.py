@@ -201,6 +201,8 @@ def _at_landing(impacts: Impacts, foot: Foot, x: np.ndarray, change: np.ndarray)
 def _through_impact(arc: Arcs, landed: Landed, change: np.ndarray) -> np.ndarray:
     """The change (n, c) of the state after a landing, from that of the state in which the gap is closed."""
     impacts, x, held, left = arc.phase.impacts, arc.ends[0], bool(landed.held[0]), float(landed.left[0])
+    if impacts.model.grazes:
+        return _through_catch(impacts, x, int(arc.foot[0]), landed, change)
     if labels := impacts.feet[int(arc.foot[0])].labels:
         x, change = labels(x, impacts.values), np.array(labels.signs)[:, None] * change
     moved = np.stack([impacts.change_after(x, each, 1.0 - left).full().ravel() for each in change.T], axis=1)
@@ -210,6 +212,15 @@ def _through_impact(arc: Arcs, landed: Landed, change: np.ndarray) -> np.ndarray
     if landed.foot[0] and not held:  # a step back
         moved = np.array(impacts.model.relabelling.signs)[:, None] * moved
     return moved
+
+
+def _through_catch(impacts: Impacts, x: np.ndarray, foot: int, landed: Landed, change: np.ndarray) -> np.ndarray:
+    """The change (n, c) after a landing of feet that stick, from that of the flight state (n,) before it."""
+    if landed.order[0] == 1:
+        return np.stack([impacts.change_let_go[foot](x, each).full().ravel() for each in change.T], axis=1)
+    moved = np.stack([impacts.change_after(x, each, 1.0).full().ravel() for each in change.T], axis=1)
+    steps = foot + (int(landed.foot[0]) and not landed.held[0])
+    return np.array(impacts.model.relabelling.signs)[:, None] ** steps * moved
 
 
 def tangential_landing(
@@ -241,12 +252,14 @@ def tangential_landing(
     exact = lasted - late - 0.5 * snap / jerk * late**2
     path, variations = impacts.flight.run(start[0], impacts.p, exact, seeds=start[1])
     x = path.end[: impacts.flight.size]
-    shares = impacts.shares_of_landing(x[None], foot, impacts.p)
-    if foot.labels:
+    shares, two = impacts.shares_of_landing(x[None], foot, impacts.p), impacts.model.grazes
+    if foot.labels and not two:
         x, variations = foot.labels(x, impacts.values), np.array(foot.labels.signs)[:, None] * variations
     (taken,), rows = impacts.projection(x[None], shares, impacts.p)
-    closed = x - taken @ [impacts.gap(x), *(rows[1:] @ x)]
-    return impacts.onto_contact @ closed, impacts.onto_contact @ (variations - taken @ (rows @ variations))
+    x, variations = x - taken @ [impacts.gap(x), *(rows[1:] @ x)], variations - taken @ (rows @ variations)
+    if foot.labels and two:  # the other foot stands while this one lands
+        x, variations = foot.labels(x, impacts.values), np.array(foot.labels.signs)[:, None] * variations
+    return impacts.onto_contact @ x, impacts.onto_contact @ variations
 
 
 def _follow(flow: Flow, p, x, change, limit: float, stop) -> tuple[np.ndarray, np.ndarray, float]:
@@ -264,10 +277,11 @@ def losses_beside(impacts: Impacts, hop: HopDerivative, slope: float, power: flo
     x, jerk = hop.landing, -float(hop.foot.rates(hop.landing[None], impacts.p)[0, 0])
     if not jerk > 0 or slope == 0:
         return None
-    thirds = np.array([-jerk, *(each.rates(x[None], impacts.p)[0, 0] for each in impacts.footing.held)])
+    first = impacts.feet[0] if impacts.model.grazes else hop.foot
+    thirds = np.array([each.rates(x[None], impacts.p)[0, 0] for each in (first, *impacts.footing.held)])
     mass = mass_of_landing(impacts.model, x, impacts.values, thirds)
     c = loss_coefficient(mass, jerk, abs(slope), power)
-    if not impacts.model.changes_contact:
+    if not impacts.model.changes_contact or impacts.model.sticks:
         if impacts.restitution > LOSSES.most_left**2:
             return None
         late, early = bounce_factors(impacts.restitution)

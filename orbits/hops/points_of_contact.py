@@ -5,6 +5,11 @@ one point has the gap alone. Of one that steps, what closes at landing is the ga
 another function, as of a wheel, whose gap may close again too; that is a landing on the point that was left, without
 a relabelling. Where another point lands than opens, two of them stand. A contact ends where the force on the first of
 them vanishes, or that on the second: a step back, which takes the labels S^-1.
+
+A point that passes the ground in mid-flight, as of legs of one length, has one gap for both landings: it opens in one
+direction of a coordinate, and closes from the other one. It lands behind, on the side on which it opened, while it is
+there far from the standing point; nearer it passes, and what it then scuffs is ignored. It lands in front where the
+coordinate vanishes again. If it is still behind then, it came down without passing, and the machine falls.
 """
 
 from functools import cached_property
@@ -97,6 +102,10 @@ def feet_of(model: Model, flight: Flow, p: Any) -> tuple[Foot, ...]:
     """The points of a machine that may touch in flight; the first opens at a launch."""
     labels = model.relabelling if model.symmetry else None
     first, last = model.feet or ("", "")
+    if model.grazes:
+        gap = model.gap(p)
+        behind = Affine(tuple(-weight for weight in gap.weights), -gap.offset)
+        return Foot(flight, first, gap), Foot(flight, last, behind, labels)
     if model.landing_gap is None:
         return (Foot(flight, last, model.gap(p), labels),)
     return Foot(flight, first, model.gap(p)), Foot(flight, last, model.landing_gap(p), labels)
@@ -108,7 +117,7 @@ def exits_of(model: Model) -> tuple[Exit, ...]:
     first = Exit(LIFTS_OFF, rows.index(CONTACT_FORCE), 0)
     if not model.changes_contact:
         return (first,)
-    foot = int(model.landing_gap is not None)
+    foot = int(model.landing_gap is not None or model.grazes)
     return first, Exit(STEPS_BACK, rows.index(LANDED_FORCE), foot, model.relabelling.inverse)
 
 

@@ -50,7 +50,7 @@ def recorded(machine: Machine, rules: Rules, hops: Flown, launch: float | None, 
         if arc.landed is not None:
             name, step = impacts.feet[int(arc.foot[0])].name, int(arc.landed.step[0])
             end, lost = end + float(arc.landed.wait[0]), float(arc.landed.loss[0])
-            foothold, stance = foothold + sum(before[impacts.footing.sticks].tolist()), stance + step
+            foothold, stance = foothold + impacts.footing.moved(before, after), stance + step
             if step and impacts.descends:  # on a slope the next foot stands lower
                 label = impacts.model.relabelling
                 other = (label.inverse if step > 0 else label)(after, impacts.values)
@@ -58,6 +58,7 @@ def recorded(machine: Machine, rules: Rules, hops: Flown, launch: float | None, 
             loss = lost
         elif kind == "lift-off":
             name, loss, stance = impacts.feet[arc.foot].name, None, stance + arc.step
+            foothold += impacts.footing.moved(before, after)
             speeds.append(arc.speed)
         elif kind == FALLS:
             name = impacts.footing.fallen(before, arc.phase.contact)

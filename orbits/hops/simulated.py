@@ -137,9 +137,9 @@ class Simulation(Result, what="simulation", in_line=("status", "end", "source"))
         return tuple((lower, upper, length * unit) for lower, upper, length in found)
 
     @property
-    def gap(self) -> Affine:
+    def gap(self) -> Affine | StateFormula:
         """The gap as a function of the flight state."""
-        return self._length(self.source.model.gap(self.source.values))
+        return self._length(self.source.model.height_of(self.source.values))
 
     def _length(self, height: object) -> Any:
         """A length of the model as a function of the flight state: in SI where the machine is stated so."""
@@ -318,7 +318,7 @@ class Simulation(Result, what="simulation", in_line=("status", "end", "source"))
         states, units, label = self(t), self.source.units, self.source.model.relabelling
         stances = np.array([leg.stance for leg in self.legs])[index_of_legs(self.legs, self._times(t))]
         shifts = np.array(label.shifts(self.source.values)) * (units.of_states(self._states) if units else 1.0)
-        own = [self._states.index(name) for name in self.source.model.sticks]
+        own = [self._states.index(name) for name in self.source.model.sticks if self.source.model.runs]
         shifts[own] = 0.0  # its steps are those of the motion
         found = relabelled_back(states, stances, label.signs, shifts)
         found[..., own] += self.footholds_at(t)[..., None]
@@ -333,19 +333,25 @@ class Simulation(Result, what="simulation", in_line=("status", "end", "source"))
         """The places (k,) along the ground at which a foot that sticks stood, in order; empty for other machines."""
         if not self.source.model.sticks:
             return np.zeros(0)
+        stands = cast(Any, self.source.model.planar).stands  # on another point in flight
         first = [self.legs[0].foothold] * (len(self.launches) > sum(e.kind == "lift-off" for e in self.events))
-        found = [*first, *(leg.foothold for leg in self.legs if leg.phase == "contact")]
+        found = [*first, *(leg.foothold for leg in self.legs if stands or leg.phase == "contact")]
         return np.array([place for i, place in enumerate(found) if i == 0 or place != found[i - 1]])
 
     @property
     def distance(self) -> float | None:
-        """The distance along the ground that a foot that sticks moved from the start to the end; None for other
-        machines."""
-        own = [self._states.index(name) for name in self.source.model.sticks]
-        if not own or not self.legs:
+        """The distance along the ground that a foot that sticks moved from the start to the end, or, of a machine that
+        stands on two, the centre of mass; None for other machines."""
+        model, units, ends = self.source.model, self.source.units, np.array([0.0, self.end])
+        if not model.sticks or not self.legs:
             return None
-        first, last = self.unrolled([0.0, self.end])[:, own[0]]
-        return float(last - first)
+        if model.runs:
+            places = self.unrolled(ends)[:, self._states.index(model.sticks[0])]
+        else:
+            across, p = cast(Any, model.planar).across, dimensionless(self.source).values
+            states = self(ends) / (units.of_states(self._states) if units else 1.0)
+            places = self.footholds_at(ends) + [across(x.tolist(), p) * (units.length if units else 1) for x in states]
+        return float(np.diff(places)[0])
 
     @property
     def falls(self) -> tuple[str, float] | None:

@@ -55,6 +55,10 @@ def simulate(
     feedback : a rule that sets a parameter in each cycle from the states at some times after lift-off, such as a `Hold`
         from `orbits.control.hold`
 
+    A foot that passes the ground in mid-flight, as of a walker with legs of one length, scuffs it in motions near the
+    orbit: this is ignored while the feet are closer than half of their distance at lift-off. Farther behind, the foot
+    lands again.
+
     Returns the motion, whose `status` says how it ended. All numbers are in the machine's units. If a launch is
     "undecided" in the `ReturnMap`, its simulation ends with that status, at the landing after its many bounces. Raises
     `InputError` for invalid arguments, such as a launch at which the contact would not open.
@@ -142,7 +146,7 @@ def _simulated(
     known = Schedule(machine, inputs)
     x, launch_speed, order, foot = _initial_state(impacts, known(0.0)[0], alpha, state)
     impacts.footing.refuse_fallen(x)
-    foothold = sum(state[impacts.footing.sticks].tolist()) if state is not None and order != 0 else 0.0
+    foothold = sum(state[impacts.footing.counted].tolist()) if state is not None and order != 0 else 0.0
     decisions = Decisions(feedback) if feedback is not None else None
     if decisions and order == LIFTOFF_ORDER:
         decisions.lift_off(0.0)
@@ -170,6 +174,13 @@ def _initial_state(impacts: Impacts, p, alpha, state) -> tuple[np.ndarray, float
     tolerance, order, opening = impacts.options.touching * (1 + np.abs(x).max()), 0, 0
     for foot, each in enumerate(impacts.feet):
         gap, speed = each.gap(x), float(x @ each.speed)
+        if impacts.model.grazes:
+            slope = float(impacts.slopes(x[None], np.array([foot]))[0])
+            if abs(gap) <= tolerance and (slope < -tolerance or (abs(slope) <= tolerance and not speed < 0)):
+                continue  # the gap of the other foot is meant, and where the feet pass that of the one that falls
+            if abs(gap) <= tolerance and abs(slope) <= tolerance:
+                return x, None, 1, foot
+            gap = gap if abs(gap) <= tolerance else float(impacts.model.height_of(impacts.values)(x))
         if abs(gap) <= tolerance and abs(speed) <= tolerance:
             impacts.footing.refuse_sliding(x, tolerance)
             several = len(impacts.feet) > 1

@@ -1,19 +1,20 @@
 """Coordinates that stick in contact: where the foot stands, what a landing stops, and the friction that holds it.
 
-The place of a coordinate that sticks is 0 in the labels of each stance, and a simulation keeps the place from which it
-is counted, the foothold. A landing stops the speed of the gap and that along the ground, by one impulse. Where a
-coefficient of friction is stated, the foot slips as soon as it needs more.
+The place of a coordinate that sticks is 0 in the labels of each stance, unless the motion depends on it, and a
+simulation keeps the place from which it is counted, the foothold. A landing stops the speed of the gap and that along
+the ground, by one impulse. Where a coefficient of friction is stated, the foot slips as soon as it needs more.
 """
 
+from collections.abc import Iterable, Sequence
 from functools import cached_property, partial
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 
 from ..errors import InputError
 from ..flow import Flow
 from ..laws import Parameters
-from ..model import NORMAL_FORCE, TANGENTIAL_FORCE, Affine, Model, StateFormula
+from ..model import Affine, Model, StateFormula
 from ..numerics import Crossings, bracketed_root, evaluate
 from ..units import LENGTH, Message, Quantity, described
 from .points_of_contact import Foot
@@ -30,12 +31,16 @@ class Footing:
     """What sticks of a machine, at values of its parameters.
 
     sticks : the number of its place in the flight state, [] where nothing sticks
+    counted : those of them that are counted from the foothold, so that they stick at 0
+    rocks : whether the machine stands on one foot after the other, and does not turn while it stands on both
     friction : the largest share of the force across the ground that the force along it may have, None for any
     """
 
     def __init__(self, model: Model, flight: Flow, contact: Flow, p: Parameters):
         self.model, self.flight, self.contact, self.p = model, flight, contact, p
         self.sticks = [model.flight.states.index(name) for name in model.sticks]
+        self.counted = self.sticks if model.runs else []
+        self.rocks = model.changes_contact and not model.sticks
         stated = model.planar.friction if self.sticks and model.planar else None
         self.friction = None if stated is None else float(stated(p))
 
@@ -48,8 +53,16 @@ class Footing:
     def placed(self, x: np.ndarray) -> np.ndarray:
         """Flight states (..., n) counted from where the foot stands."""
         x = x.copy()
-        x[..., self.sticks] = 0.0
+        x[..., self.counted] = 0.0
         return x
+
+    def moved(self, before: np.ndarray, after: np.ndarray) -> float:
+        """How far the foothold moves where flight states (n,) are counted anew: by the place at which a foot sticks, or
+        by what the centre of mass, which stays, is away from each."""
+        if self.counted or not self.sticks:
+            return sum(before[self.counted].tolist())
+        across = cast(Any, self.model.planar).across
+        return float(across(before.tolist(), self.p) - across(after.tolist(), self.p))
 
     def stuck(self, x: np.ndarray) -> np.ndarray:
         """Flight states (m, n) after plastic impacts at flight states (m, n)."""
@@ -64,20 +77,31 @@ class Footing:
             raise InputError(Message(text, place=described(names, x), name=names[self.sticks[0] + 1]))
 
     @property
-    def cone(self) -> tuple[Affine, ...]:
-        """What is left of the friction in each direction, as functions of the rows of the contact's motion."""
+    def forces_on_feet(self) -> list[tuple[str, str]]:
+        """The names of the forces across and along the ground on each foot that stands in contact."""
+        return [(across, along) for phase, across, along, _ in self.model.standing_points if phase == "contact"]
+
+    @property
+    def cone(self) -> tuple[tuple[Affine, Affine, int], ...]:
+        """What is left of the friction in each direction, the force across the ground, as functions of the rows of the
+        contact's motion, and the number of the foot."""
         if self.friction is None:
             return ()
         rows = [*self.model.contact.states, *self.model.contact.watch]
-        held = [{NORMAL_FORCE: self.friction, TANGENTIAL_FORCE: sign} for sign in (1.0, -1.0)]
-        return tuple(Affine(tuple(weights.get(name, 0.0) for name in rows)) for weights in held)
+        held = [
+            ({across: self.friction, along: sign}, {across: 1.0}, i)
+            for i, (across, along) in enumerate(self.forces_on_feet)
+            for sign in (1.0, -1.0)
+        ]
+        of = lambda weights: Affine(tuple(weights.get(name, 0.0) for name in rows))  # noqa: E731
+        return tuple((of(left), of(force), i) for left, force, i in held)
 
     @cached_property
     def heights(self) -> dict[str, Affine | StateFormula]:
         """The heights that stay above the ground: of a machine that sticks all but the gap, and of one that steps that
         which is its separation, as of the corner on which a block would lie on its side."""
         heights, gap = self.model.heights(self.p), self.model.gap(self.p)
-        if self.model.changes_contact:
+        if self.rocks:
             apart = self.model.separation(self.p)
             return {name: each for name, each in heights.items() if each == apart}
         return {name: each for name, each in heights.items() if self.sticks and each != gap}
@@ -86,7 +110,7 @@ class Footing:
     def in_contact(self) -> dict[str, Affine | StateFormula]:
         """The heights that stay above the ground while a point stands, as functions of the flight state: those of the
         flight, unless the machine does not turn while two points stand, and that of the point that lands next."""
-        heights = {} if self.model.changes_contact else dict(self.heights)
+        heights = {} if self.rocks else dict(self.heights)
         if (landing := self.model.landing_gap) and self.model.standing_gap(self.p):
             heights[self.model.feet[-1] if self.model.feet else "next point"] = landing(self.p)
         return heights
@@ -96,7 +120,7 @@ class Footing:
         """For each of the heights of a machine that steps, if it depends on one coordinate alone: what closes as that
         coordinate comes to the first place above 0 where the height vanishes."""
         found = list[Foot]()
-        for each in self.heights.values() if self.model.changes_contact else ():
+        for each in self.heights.values() if self.rocks else ():
             if isinstance(each, StateFormula) and len(each.coordinates) == 1:
                 turned = np.eye(self.flight.size)[self.flight.phase.states.index(each.coordinates[0])]
                 values = np.asarray(each(TILTS[:, None] * turned))
@@ -115,7 +139,7 @@ class Footing:
     @property
     def watched_alone(self) -> bool:
         """Whether contacts end by slip or by heights that are not functions of the contact state."""
-        return bool(self.cone) or (bool(self.heights) and not self.model.changes_contact)
+        return bool(self.cone) or (bool(self.heights) and not self.rocks)
 
     def refuse_fallen(self, x: np.ndarray) -> None:
         """Raise `InputError` for a flight state (n,) in which one of the heights lies below the ground."""
@@ -125,9 +149,11 @@ class Footing:
                 raise InputError(Message(text, name=name, height=Quantity(height, LENGTH)))
 
     def fallen(self, x: np.ndarray, contact: bool = False) -> str:
-        """The name of the lowest height in a flight state (n,), in flight or in contact."""
-        heights = self.in_contact if contact else self.heights
-        return min(heights, key=lambda name: float(heights[name].series(x[None, :, None])[0, 0]))
+        """The name of the height that vanishes in a flight state (n,), in flight or in contact."""
+        heights = {**self.in_contact} if contact else {**self.heights}
+        if self.model.grazes and not contact:
+            heights["swinging foot"] = self.model.height_of(self.p)
+        return min(heights, key=lambda name: abs(float(heights[name].series(x[None, :, None])[0, 0])))
 
     @cached_property
     def weight(self) -> float:
@@ -136,20 +162,17 @@ class Footing:
         assert self.model.planar.weight is not None
         return float(self.model.planar.weight(self.p))
 
-    def slips_at_landing(self, x: np.ndarray, lasted: float) -> bool:
-        """Whether the impulse of a plastic landing in a flight state (n,) leaves the cone of friction, beyond roundings
-        of the momentum that gravity gives in a flight that has `lasted` so long."""
-        if self.friction is None:
-            return False
-        across, along = -np.array(self.model.impulses(x.tolist(), self.p), dtype=float)
-        return self._exceeds(along, across, self.weight * lasted)
+    def slips_at_landing(self, impulses: Iterable[np.ndarray], lasted: float) -> bool:
+        """Whether one of the impulses (2,) across and along the ground of a plastic landing leaves the cone of
+        friction, beyond roundings of the momentum that gravity gives in a flight that has `lasted` so long."""
+        return any(self._exceeds(along, across, self.weight * lasted) for across, along in impulses)
 
     def slips_at_once(self, y: np.ndarray) -> bool:
-        """Whether the forces of the ground in a contact state (k,) lie outside the cone of friction."""
+        """Whether the forces of the ground on a foot in a contact state (k,) lie outside the cone of friction."""
         if self.friction is None:
             return False
         forces = dict(zip(self.contact.phase.watch, self.contact.field(y[None], self._data)[1][0], strict=True))
-        return self._exceeds(forces[TANGENTIAL_FORCE], forces[NORMAL_FORCE], self.weight)
+        return any(self._exceeds(forces[along], forces[across], self.weight) for across, along in self.forces_on_feet)
 
     @cached_property
     def _data(self) -> np.ndarray:
@@ -163,21 +186,21 @@ class Footing:
 class SlipTest:
     """The places of a contact's motion, which comes block after block, at which its foot begins to slip.
 
-    force : the contact force as a function of the rows of the motion
-    grazes : whether both forces vanish at the start, as after a lossless landing
+    grazes : for each foot whether both of its forces vanish at the start, as after a lossless landing
     """
 
-    def __init__(self, footing: Footing, force: Affine, grazes: bool):
-        self.force, self.footing = force, footing
-        self.margins = [(margin, Crossings(int(grazes))) for margin in footing.cone]
+    def __init__(self, footing: Footing, grazes: Sequence[bool]):
+        self.tolerance = SLIPPING * footing.weight if footing.cone else 0.0
+        self.margins = [(margin, force, Crossings(int(grazes[i]))) for margin, force, i in footing.cone]
 
     def __call__(self, coefficients: np.ndarray, steps: np.ndarray) -> list[tuple[int, float]]:
         """The places, each a step and the time in it."""
-        found = [place for margin, zeros in self.margins for place in zeros(margin.series(coefficients), steps)]
-        if not found:
-            return []
-        force, tolerance = self.force.series(coefficients), SLIPPING * self.footing.weight
-        return [(i, t) for i, t in found if evaluate(force[i : i + 1], np.array([t]))[0] > tolerance]
+        return [
+            (i, t)
+            for margin, force, zeros in self.margins
+            for i, t in zeros(margin.series(coefficients), steps)
+            if evaluate(force.series(coefficients[i : i + 1]), np.array([t]))[0] > self.tolerance
+        ]
 
 
 class FallTest:

@@ -42,7 +42,8 @@ class Parts:
     extension, extension_offset : of the spring that is counted, as in `Model`
     counted : as from `_counted`
     height_functions, distance : p -> the heights, by name, and the separation, each as a function of the flight state
-    mass : of impacts, a function of the coordinates
+    mass, mass_on_points : of impacts, functions of the coordinates: of the speeds of the gap and of what sticks, and
+        with the impulses as those across and along the ground
     by_forces, by_rates, turning : the gradient of the energy per force and per rate, and the slopes of the kinetic
         energy by the coordinates
     drawn : as `Model.springs`
@@ -60,6 +61,7 @@ class Parts:
     height_functions: dict[str, Callable]
     distance: Callable | None
     mass: Coefficients
+    mass_on_points: Coefficients
     by_forces: Coefficients
     by_rates: Coefficients
     turning: Callable
@@ -88,7 +90,8 @@ class Parts:
             s, mechanics, launched, _sum_of_coordinates(c, s.counts, "counts"), _offset(c, s.counts), _counted(c, s),
             {name: _height(c, height) for name, height in s.heights},
             None if s.separation is None else _height(c, s.separation),
-            c.coefficients(masses), c.coefficients(of_forces), c.coefficients(inertia), mechanics.turning(unit),
+            c.coefficients(masses), c.coefficients(mechanics.gap.on_points(masses)),
+            c.coefficients(of_forces), c.coefficients(inertia), mechanics.turning(unit),
             _drawn(c, s), Alone.of(mechanics), steps, reactions_of(mechanics, s.inertia, s.friction, steps, s.hangs),
         )  # fmt: skip
 
@@ -252,11 +255,12 @@ class Parts:
         """The direction in which an impact changes the flight state."""
         return list(_interleaved(self.mechanics.in_flight.impact(p, self._place(x))[0], self._ends, 1))
 
-    def sticking(self, x: Scalars, p: Parameters) -> tuple[list[list[Algebraic]], list[list[Algebraic]]]:
+    def sticking(self, x: Scalars, p: Parameters) -> tuple[list[list[Algebraic]], ...]:
         """The directions of what sticks, and the masses of the speeds of the gap and of that, as in `Model`."""
         place = self._place(x)
         directions = self.mechanics.in_flight.impact(p, place)[1:]
-        return [list(_interleaved(each, self._ends, 1)) for each in directions], self.mass(p, place)
+        across = [list(_interleaved(each, self._ends, 1)) for each in directions]
+        return across, self.mass(p, place), self.mass_on_points(p, place)
 
     def _place(self, x: Scalars) -> list[Algebraic]:
         """The coordinates, with the actuators' displacements, of a flight state."""

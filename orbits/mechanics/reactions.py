@@ -10,7 +10,8 @@ and y+ = S y those after, J the gradients of the places, E the signs of S, and s
 
     M(y+) y+' = [I(y+) E + sum of m (JZ(y+)^T JZ(y) + s JX(y+)^T JX(y))] y',
 
-I being what masses at heights and across do not have of the inertia M.
+I being what masses at heights and across do not have of the inertia M. Where the labels exchange two legs, the
+gradients of y+ are those of the mass that has the place of this one in the new labels.
 """
 
 from collections.abc import Callable, Sequence
@@ -62,7 +63,8 @@ class Reactions(NamedTuple):
     flight, contact : the forces in these phases, where some springs have no laws yet
     friction : as in `Mechanism`
     handed : the speeds after a step forward and after one back, per speed before; None without hand-overs
-    travel : (1, n), the speed of the centre of mass along the ground per speed; None where nothing sticks
+    travel : (1, n), the speed of the centre of mass along the ground per speed; None where nothing sticks at 0
+    momentum : (2, n), across and along the ground per speed
     weight : (1, 1), that of the machine on the ground; None where nothing sticks
     across : (1, 1), the place of the centre of mass along the ground
     """
@@ -72,6 +74,7 @@ class Reactions(NamedTuple):
     friction: Scalar | None
     handed: tuple[tuple[SignedShift, Coefficients], ...] | None
     travel: Coefficients | None = None
+    momentum: Coefficients | None = None
     weight: Coefficients | None = None
     across: Coefficients | None = None
 
@@ -105,9 +108,10 @@ class Reactions(NamedTuple):
         limit = None if share is None else lambda p: value_of(share, {}, p)
         forward, back = (_taken_over(*each) for each in self.handed) if self.handed else (None, None)
         travel = self.travel and (lambda x, p: weighted_sum(self.travel(p, x[::2])[0], x[1::2]))
+        momentum = self.momentum and (lambda x, p: [weighted_sum(row, x[1::2]) for row in self.momentum(p, x[::2])])
         weight = self.weight and (lambda p: self.weight(p, [])[0][0])
         across = self.across and (lambda x, p: self.across(p, x[::2])[0][0])
-        return Planar(not self.flight.vanish[0], limit, forward, back, travel, weight, across)
+        return Planar(not self.flight.vanish[0], limit, forward, back, travel, weight, across, momentum)
 
 
 def _taken_over(label: SignedShift, speeds: Coefficients) -> Callable:
@@ -162,7 +166,8 @@ def reactions_of(
         )
     return Reactions(
         _reaction(flying, c.y, c.v), _reaction(held, gap.s, gap.w), friction,
-        _handed(m, masses, stated_inertia(c, inertia), steps) if steps and steps.row else None, travel,
+        _handed(m, masses, stated_inertia(c, inertia), steps) if steps and (steps.row or steps.turned) else None,
+        travel, c.coefficients(along) if gap.anywhere else None,
         c.coefficients([[heavy]], []) if gap.sticks else None,
         c.coefficients([[sums[1] / mass]]),
     )  # fmt: skip
@@ -214,23 +219,31 @@ def _refuse_unturned(m: Mechanics, steps: Stepping, sums: Column) -> None:
 
 def _handed(
     m: Mechanics, masses: Sequence[Mass], stated: ExactRows | None, steps: Stepping
-) -> tuple[tuple[SignedShift, Coefficients], ...]:
-    """The relabelling of states and the matrix (n, n) of the speeds after a step, and those for a step back."""
+) -> tuple[tuple[SignedShift, Coefficients], ...] | None:
+    """The relabelling of states and the matrix (n, n) of the speeds after a step, and those for a step back; None where
+    the labels do not map the masses onto each other."""
     c, n, found = m.coordinates, m.size, list[tuple[SignedShift, Coefficients]]()
     for label in (steps.relabelling, steps.relabelling.inverse):
         image = dict(zip(c.y, label.image(c.y, {}), strict=True))
-        mirrored = -1 if min(label.signs) < 0 else 1
-        paths = [(c.scalar(each.inertance), each.extension, 0) for each in m.elements if isinstance(each, Inerter)]
+        mirrored, others = -1 if min(label.signs) < 0 else 1, masses
+        if steps.turned:
+            if not m.gap.along or (exchanged := _exchanged(m, masses, image)) is None:
+                return None
+            mirrored, others = 1, exchanged
+        paths = [
+            (c.scalar(each.inertance), each.extension, each.extension, 0)
+            for each in m.elements
+            if isinstance(each, Inerter)
+        ]
         paths += [
-            (mass_of(c, each.mass), place, sign)
-            for each in masses
-            for place, sign in zip(paths_of(each), (1, mirrored), strict=False)
+            (mass_of(c, each.mass), place, there, sign)
+            for each, other in zip(masses, others, strict=True)
+            for place, there, sign in zip(paths_of(each), paths_of(other), (1, mirrored), strict=False)
         ]
         whole = [list(row) for row in stated or [[ZERO] * n] * n]
         whole = [[sign * each for sign, each in zip(label.signs, substitute(row, image), strict=True)] for row in whole]
-        for mass, place, sign in paths:
-            before = c.gradient(place)[:n]
-            after = substitute(before, image)
+        for mass, place, there, sign in paths:
+            before, after = c.gradient(place)[:n], substitute(c.gradient(there)[:n], image)
             # What has no mass at heights and across is turned by the labels alone.
             own = (
                 [sign * each for each in before]
@@ -245,6 +258,25 @@ def _handed(
         speeds = [_solved_there(m, list(column), image) for column in columns]
         found.append((steps.states(label), c.coefficients([[each[i] for each in speeds] for i in range(n)])))
     return tuple(found)
+
+
+def _exchanged(
+    m: Mechanics, masses: Sequence[Mass], image: dict[ExactExpression, ExactExpression]
+) -> list[Mass] | None:
+    """The mass that has the place of each one in the new labels, counted from the point that has closed the gap; None
+    where there are none."""
+    c, (foot,) = m.coordinates, m.gap.along
+    places = [list(map(c.scalar, paths_of(each)[:2])) for each in masses]
+    weights, after = [mass_of(c, each.mass) for each in masses], [substitute(each, image) for each in places]
+
+    def lies(j: int, i: int) -> bool:
+        """Whether mass j lies in the new labels where mass i lies."""
+        (z, x), (height, across) = places[i], after[j]
+        apart = m.gap.inside([height - z, across - (x - foot)])
+        return vanishes(weights[i] - weights[j]) and all_vanish(apart)
+
+    found = [next((own for j, own in enumerate(masses) if lies(j, i)), None) for i in range(len(masses))]
+    return [each for each in found if each] if all(found) else None
 
 
 def _solved_there(m: Mechanics, loads: Column, image: dict[ExactExpression, ExactExpression]) -> Column:

@@ -117,7 +117,8 @@ class Model:
     weight : p -> the weight that the contact carries, that of all that rises with the gap while no spring is strained;
         None where that is not known
     sticking : (x, p) -> the directions in which an impact changes the flight state x per unit of speed of each of
-        these, and the masses (1 + sticks, 1 + sticks) of the speeds of the gap and of these; None where nothing sticks
+        these; the masses (1 + sticks, 1 + sticks) of the speeds of the gap and of these; and the impulses across and
+        along the ground per speed of these. None where nothing sticks
     """
 
     name: str
@@ -346,15 +347,14 @@ class Model:
 
     def lost_at(self, x: Scalars, p: Parameters) -> Algebraic:
         """The energy that a plastic landing in the flight state x loses."""
-        return 0.5 * weighted_sum(self.impulses(x, p), self.speeds_of_landing(x, p))
+        speeds = self.speeds_of_landing(x, p)
+        masses = self.sticking(x, p)[1] if self.sticking else [[self.impact_mass(x, p)]]
+        return 0.5 * weighted_sum([weighted_sum(row, speeds) for row in masses], speeds)
 
     def impulses(self, x: Scalars, p: Parameters) -> list[Algebraic]:
-        """The impulses along the gap and along what sticks that a plastic landing in the flight state x takes away."""
-        masses, speeds = (
-            self.sticking(x, p)[1] if self.sticking else [[self.impact_mass(x, p)]],
-            self.speeds_of_landing(x, p),
-        )
-        return [weighted_sum(row, speeds) for row in masses]
+        """The impulses across and along the ground that a plastic landing in the flight state x takes away."""
+        masses = self.sticking(x, p)[2] if self.sticking else [[self.impact_mass(x, p)]]
+        return [weighted_sum(row, self.speeds_of_landing(x, p)) for row in masses]
 
     def landing(self, u: Parameters, x: Scalars, p: Parameters) -> list[Algebraic]:
         """The expressions that vanish at a lossless landing in state x: the gap, its speed and its acceleration.

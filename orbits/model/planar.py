@@ -22,6 +22,8 @@ class Planar:
     weight : p -> that of the machine on the ground; None where nothing sticks
     across : (x, p) -> the place of the centre of mass along the ground in the flight state x, counted from where the
         machine stands
+    momentum : (x, p) -> the momentum across and along the ground in the flight state x; None where nothing sticks on
+        whose place the motion depends
     """
 
     stands: bool
@@ -31,3 +33,4 @@ class Planar:
     travel: Callable | None = None
     weight: Callable | None = None
     across: Callable | None = None
+    momentum: Callable | None = None

@@ -244,7 +244,8 @@ def _jerk_jumps(model: Model, cycles: Cycles, jerk: np.ndarray) -> np.ndarray:
 def _thirds(model: Model, cycles: Cycles, jerk: np.ndarray) -> np.ndarray:
     """The third derivatives (1 + sticks, m) of the gap and of what sticks at landing."""
     c, first = cycles.halves.coefficients, cycles.halves.first
-    return np.array([-jerk, *(6 * c[first, model.flight.states.index(name), 3] for name in model.sticks)])
+    gap = jerk if model.grazes else -jerk  # the reversor keeps the jerk of a coordinate that it turns over
+    return np.array([gap, *(6 * c[first, model.flight.states.index(name), 3] for name in model.sticks)])
 
 
 def mass_of_landing(model: Model, states: np.ndarray, p: Mapping, thirds: np.ndarray) -> Any:
