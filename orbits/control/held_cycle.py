@@ -265,7 +265,7 @@ class Runs:
         near a tangential landing, where both are 0."""
         impacts, units = self.impacts(self.cycle.flight), self.cycle.units
         path, _ = impacts.flight.run(x, impacts.p, CYCLE.ahead * self.cycle.period)
-        gap = impacts.gap.series(path.coefficients)[0]
+        gap = impacts.feet[-1].gap.series(path.coefficients)[0]
         orders, time = np.arange(len(gap)), 0.0
         for _ in range(CYCLE.newton):
             second, third = (
@@ -286,7 +286,7 @@ class Runs:
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """The contact state after the landing that ends a flight from a state, its derivative at that fixed time, and
         those of the gap and its speed there, where the landing is tangential."""
-        foot = impacts.feet[0]
+        foot = impacts.feet[-1]
         gap, speed, units = np.array(foot.gap.weights) @ change, float(foot.speed @ end), self.cycle.units
         if abs(speed) <= CYCLE.tangential * np.abs(end).max():
             closing = np.array([gap / units.of("gap"), foot.speed @ change * (units.time / units.of("gap"))])

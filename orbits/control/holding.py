@@ -256,8 +256,10 @@ def hold(
 ) -> Hold:  # fmt: skip
     """A feedback that holds a lossless orbit by a force along an extension.
 
-    orbit : of a machine with a reversor that stands on one foot, such as a hopper, a `Chain` or a runner
-    along : a formula of the coordinates, such as "phi - theta" of a hip; its rate times the force is the power
+    orbit : of a machine with a reversor that stands on one foot, such as a hopper, a `Chain` or a runner, or whose feet
+        stick, such as a walker
+    along : a formula of the coordinates, such as "phi - theta" of a hip; its rate times the force is the power. The
+        labels of legs change as a foot lands: "lean + angle" is the leg of a walker that has landed last
     when : when the force is decided: "continuous", at the beginning of each interval; at "lift-off"; or at the "apex",
         in the middle of the flight, for the rest of the cycle
     parts : the number of intervals in each phase; the force is constant in each interval
@@ -379,8 +381,8 @@ def _driven(orbit: Orbit, along: str) -> Mechanism:
     """The machine of an orbit with the force along an extension; raises `InputError` for a machine that cannot be
     held."""
     machine = orbit.source
-    if not isinstance(machine, Mechanism) or machine.model.changes_contact:
-        stated = "is a Mechanism that stands on one foot"
+    if not isinstance(machine, Mechanism) or (machine.model.changes_contact and not machine.model.sticks):
+        stated = "is a Mechanism that stands on one foot, or whose feet stick"
         raise InputError(f"hold takes a machine that {stated}, not a {orbit.machine['machine']}")
     if not isinstance(along, str):
         raise InputError(f"along = {along!r}; it must be a formula of the coordinates, such as 'phi - theta'")

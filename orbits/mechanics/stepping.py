@@ -144,6 +144,8 @@ def steps_of(c: Coordinates, s: Structure, m: Mechanics) -> Stepping | None:
         _stated(c, dict(s.symmetry), "symmetry"),
     )
     gap, landing = m.gap.weights, _image_of_gap((m.gap.weights, ZERO), back)
+    if s.grazes and s.reversor is None:  # what nothing turns back closes from the other side all the same
+        landing = [-weight for weight in gap], ZERO
     if len(s.gaps) == 2:
         largest, (name, expression) = max(c.weights(s.gaps[0][1]) or [Fraction(1)]), s.gaps[1]
         offset = c.at_zero(expression) / largest

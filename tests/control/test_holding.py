@@ -7,7 +7,7 @@ from orbits import find, find_all, multipliers, simulate
 from orbits.control import hold
 from orbits.errors import InputError
 from orbits.hops import Impacts, LaunchSection
-from problems import Chain, Hopper, Juggler, hopper_in_si, rimless_wheel, runner, springs
+from problems import Chain, Hopper, Juggler, hopper_in_si, rimless_wheel, runner, springs, walker
 
 
 @pytest.fixture(scope="module")
@@ -173,7 +173,7 @@ def test_a_delay_is_bridged_by_the_cycle():
 
 @pytest.mark.slow
 def test_what_is_not_held(run, held):
-    with pytest.raises(InputError, match="stands on one foot, not a rimless wheel"):
+    with pytest.raises(InputError, match="on one foot, or whose feet stick, not a rimless wheel"):
         hold(find(rimless_wheel(angle=0.3)), "angle")
     with pytest.raises(InputError, match="there is no coordinate 'body'"):
         hold(find(Hopper()), "body - foot")
@@ -192,3 +192,16 @@ def test_what_is_not_held(run, held):
     lossy = Chain((1.0, 1.0, 1.0), [springs.lossy("r", loss_factor=0.1), "r"])
     with pytest.raises(InputError, match="feedback: the machine has no parameter 'hold'"):
         simulate(lossy, state=np.ones(6), hops=1, feedback=held)
+
+
+@pytest.mark.slow
+def test_a_walk_that_is_held_comes_back():
+    """The multipliers with the feedback are those of simulated steps, which land on both feet."""
+    machine = walker(leg_mass=0.1, torso_inertia=0.41824193818688386, hip_stiffness=0.39402694221511943)
+    start = {"liftoff": 0.375, "alpha": 0.82994638728075, "angle": -0.3, "duration": 2.39, "contact_duration": 0.4044}
+    walk = find(machine, start=start, tune=("torso_inertia", "hip_stiffness"), at={"angle": 0.3})
+    held = hold(walk, "torso - lean - angle")
+    assert held.multipliers == pytest.approx([-25.937831, 1.0], abs=1e-6)
+    assert held.simulated_multipliers() == pytest.approx(held.held_multipliers, abs=1e-5)
+    assert np.abs(held.held_multipliers).max() < 1
+    assert held.launches([-1e-4, 1e-4, 1e-3], hops=6).share == 1
