@@ -110,6 +110,11 @@ def fit_of_heights() -> HopFit:
     return fit(START, record(*three_hops(), ("body height", "foot height"), 0.01), ("body_mass", *NAMES))
 
 
+def short_fit() -> HopFit:
+    """A fit of few unknowns to a single hop."""
+    return fit(START, record(*hops(1.5, 1, 250.0), ("body height", "foot height"), 0.01), ("foot_mass", "k"))
+
+
 def deviations_from_truth(found: HopFit, truth: Mapping[str, float] = TRUTH) -> dict[str, float]:
     """By how many stated deviations each value is off."""
     return {name: (found.values[name] - truth[name]) / found.deviations[name] for name in found.values}

@@ -46,7 +46,7 @@ from orbits.laws import HystereticLaw
 from orbits.model import CasadiMachine
 from orbits.result import Result
 from orbits.sweeps.indices import Indices
-from problems import HeavyHand, Hopper, brachiator, gravity, hopper_in_si, recordings, springs, steering
+from problems import HeavyHand, Hopper, brachiator, gravity, hopper_in_si, springs, steering
 from tests import recorded_hops
 
 
@@ -113,7 +113,7 @@ def made(kind: str):
         "Basins": lambda: ReturnMap(Hopper(mass_ratio=0.05)).basins(4.4, 4.8, samples=100),
         "HeldLaunches": lambda: hold(find(Hopper()), "y1 - y2", force=1.0).launches([-0.02, 0.02], hops=3),
         "LaunchIntervals": lambda: ReturnMap(Hopper(mass_ratio=0.05)).basin(4.4, 4.8, samples=100),
-        "HopFit": lambda: recordings.fit(**recorded_hops.sample()),
+        "HopFit": recorded_hops.short_fit,
         "SpringFit": lambda: springs.fit(springs.SAMPLE, "k*r + b*r**3", in_si=True),
     }[kind]()
 
