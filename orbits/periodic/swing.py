@@ -129,7 +129,7 @@ class Swing(Result, what="swing", in_line=("half_swing", "mean_speed", "admissib
         return shown("plane").plot_swing(self, axes)
 
     def animate(self, path: str | Path, frames: int = 120, *, progress: Progress = None) -> Path:
-        """Write an animation of three swings (.gif or .mp4); returns its path."""
+        """Write an animation of some swings (.gif or .mp4); returns its path."""
         return shown("animation").animate_swing(self, path, frames, progress)
 
 

@@ -255,20 +255,18 @@ def plot_in_plane(orbit: "Orbit", axes: Axes | None = None) -> Axes:
 def plot_swing(swing: "Swing", axes: Axes | None = None) -> Axes:
     """Plot a machine at instants of a swing from hold to hold over one another, the later the darker; return the
     axes."""
-    t = np.linspace(0.0, swing.period * (1 - 1e-12), DRAWN.swing_instants)
+    t = np.linspace(0.0, swing.period * (1 - 1e-12), DRAWN.times_of_cycle * (DRAWN.swing_instants - 1) + 1)
     paths, (metres, *_) = plane_paths(swing.drawn, swing(t), np.zeros(len(t), int)), unit_labels(swing.source.units)
     across, span = _extent_of([each for each in paths if not each.outline.fixed])
     axes = new_axes(float(np.clip(np.ptp(span) / np.ptp(across) + 0.2, 0.4, 0.9))) if axes is None else axes
     _set(axes, across, span, metres)
-    for i, shade in enumerate(np.linspace(0.15, 1.0, len(t)).tolist()):
-        named = set[str]()
+    for i in range(0, len(t), DRAWN.times_of_cycle):
+        last = i == len(t) - 1
         for each in paths:
-            if i < len(t) - 1 and (each.outline.traced or each.outline.fixed):
-                continue
-            label = None if i < len(t) - 1 or each.outline.fixed or each.outline.name in named else each.outline.name
-            named.add(each.outline.name)
-            artist = _artist(axes, each, _drawn_points(each, i), label and label_of(label))
-            artist.set(alpha=shade, clip_on=True)
+            if last or not (each.outline.traced or each.outline.fixed):
+                label = label_of(each.outline.name) if last and not each.outline.fixed else None
+                artist = _artist(axes, each, _drawn_points(each, i), label)
+                artist.set(alpha=0.15 + 0.85 * i / len(t), clip_on=True)
     return legend_below(headline(axes, swing.machine))
 
 

@@ -111,13 +111,13 @@ def _drawn(turns: bool) -> Drawing:
     """Two arms, a shoulder, and the bar."""
     hand = ("arm_length*(sin(held) + sin(free))", "-arm_length*(cos(held) + cos(free))")
     trunk = ("arm_length*sin(held) + arm_length*sin(body)/2", "-arm_length*cos(held) - arm_length*cos(body)/2")
-    bar = [(f"{share}*arm_length*sin(angle)", "0") for share in (-3, 7)]
+    bar = [(f"{share}*arm_length*sin(angle)", "0") for share in (-3, 9)]
     return Drawing(
         [
             Outline("bar", bar, fixed=True),
             Outline("holding arm", [("0", "0"), SHOULDER]),
             Outline("free arm", [SHOULDER, hand]),
-            Outline("body", [SHOULDER, trunk if turns else SHOULDER], ends=True),
+            Outline(*(("body", [SHOULDER, trunk]) if turns else ("shoulder", [SHOULDER])), ends=True),
             Outline("path of the free hand", [hand], traced=True),
         ],
         onward={"x": "x + 2*arm_length*sin(angle)"},

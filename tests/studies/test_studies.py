@@ -25,6 +25,7 @@ from studies import (
     attraction,
     basins,
     bifurcations,
+    brachiator,
     chain,
     chain_hand,
     checked_proofs,
@@ -70,7 +71,19 @@ from studies.paper import printed
 STUDIES = {
     study.__name__.rpartition(".")[2]: study
     for study in (
-        *(asteroid, attraction, basins, bifurcations, chain, chain_hand, damped_hopper, design, existence, figure_5),
+        *(
+            asteroid,
+            attraction,
+            basins,
+            bifurcations,
+            brachiator,
+            chain,
+            chain_hand,
+            damped_hopper,
+            design,
+            existence,
+            figure_5,
+        ),
         *(figure_8, gravity_families, inerter, knee, period_four, plate, robot_leg, rocker, runner, series),
         *(held_hops, spring_families, start_up, theorems, tolerances, tutorial, walker),
     )
@@ -677,6 +690,19 @@ def test_walker_without_the_spring_loses_by_housners_ratio():
     distance = 2 * walker.LENGTH * np.sin(angle)
     cost = walker.cost_without_spring(distance / lasts, 8)
     assert cost == pytest.approx(lost / (walker.MASS * walker.GRAVITY * distance), rel=1e-10)
+
+
+@pytest.mark.slow
+def test_brachiator(tmp_path):
+    numbers = brachiator.main(tmp_path, quick=True)
+    assert numbers["swings"][0].angle == pytest.approx(1.2072434456591203, rel=1e-12)
+    ((heavier, lighter, slower, slowest),) = numbers["families"].values()
+    kinds = [[event.kind for event in part.events] for part in (heavier, lighter, slower, slowest)]
+    assert kinds == [["parts touch"], ["fold"], ["fold"], []]
+    # Where the arms are level, the shoulder is as high as the bar; arms without mass leave a pendulum.
+    assert heavier.events[0].point["angle"] == pytest.approx(np.pi / 2, rel=1e-9)
+    assert slowest.column("half_swing")[-1] == pytest.approx(1.5 * np.pi, abs=0.1)
+    assert (tmp_path / "brachiator.gif").stat().st_size > 5_000
 
 
 @pytest.mark.slow
