@@ -1,29 +1,46 @@
 """Verifies a saved proof from its statement alone: a second program, with another method than the one that proved it.
 
-It reads the formulas of the stated machine (`parse`), derives Lagrange's equations from them (`Machine`, `Field`), and
-follows motions by Taylor series in Arb's balls with direct bounds (`Part`): a box B that holds the motion over a step
-by Picard's inclusion X + [0, h] f(B) in B, the Taylor coefficients from the box X at its start, and the next one over
-B as remainder. So are the derivatives by the start; over several steps they are P + Q E with a rounded matrix P, a
-nearly orthogonal Q and a small E (`Passage`), so that errors grow as the motions spread. By the mean value theorem the
-states of a set are those of its centre and the derivatives times the deviations. Existence and uniqueness follow from
-Krawczyk's test (`Solution`), on the stated enclosures and on these with the radius of uniqueness around them. Signs
-along the motion are those of functions, and of their derivatives by time, on stretches of it (`signs`). Where a law
-has pieces, a step stays on one of them, or crosses to the next one in the hull of both (`in_pieces`). Nothing of the
-prover and of CasADi is used. All fields of the file are verified but `about`, `digits`, `seconds` and `name`,
-its printed statement by `orbits.check_statement`. An exception other than `Unverified` is a fault of this program.
+It reads the formulas of the stated machine (`orbits.check_formulas`), derives Lagrange's equations from them
+(`Machine`, `Field`), and follows motions by Taylor series in Arb's balls with direct bounds (`Part`): a box B that
+holds the motion over a step by Picard's inclusion X + [0, h] f(B) in B, the Taylor coefficients from the box X at its
+start, and the next one over B as remainder. So are the derivatives by the start; over several steps they are P + Q E
+with a rounded matrix P, a nearly orthogonal Q and a small E (`Passage`), so that errors grow as the motions spread. By
+the mean value theorem the states of a set are those of its centre and the derivatives times the deviations. Existence
+and uniqueness follow from Krawczyk's test (`Solution`), on the stated enclosures and on these with the radius of
+uniqueness around them. Signs along the motion are those of functions, and of their derivatives by time, on stretches of
+it (`signs`). Where a law has pieces, a step stays on one of them, or crosses to the next one in the hull of both
+(`in_pieces`). Nothing of the prover and of CasADi is used. All fields of the file are verified but `about`, `digits`,
+`seconds` and `name`, its printed statement by `orbits.check_statement`. An exception other than `Unverified` is a fault
+of this program.
 """
 
-import ast
 import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from fractions import Fraction
-from functools import cache, lru_cache, partial, reduce
+from functools import partial, reduce
 from itertools import chain, groupby, pairwise, product
-from operator import add, mul, sub, truediv
 from typing import Any
 
-from flint import Ordering, arb, arb_mat, arb_poly, arb_series, ctx, fmpq, fmpq_mpoly_ctx
+from flint import arb, arb_mat, arb_poly, arb_series, ctx, fmpq
 
+from .check_formulas import (
+    LESS,
+    ONE,
+    OPERATIONS,
+    ZERO,
+    Names,
+    Tree,
+    dot,
+    is_zero,
+    law_of,
+    number,
+    parse,
+    replaced,
+    slope,
+    solved,
+    solved_apart,
+    tree,
+)
 from .check_statement import (
     CHECKS,
     LIMIT,
@@ -33,230 +50,14 @@ from .check_statement import (
     Unverified,
     bounds_of,
     check_document,
-    check_radius,
-    check_said,
+    check_printed,
     decimal,
     heed,
     limited,
     within,
 )
 
-TOKENS = re.compile(r"(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?|[A-Za-z_]\w*|\*\*|[-+*/()]", re.ASCII)
-# The derivatives of functions of x, and functions that these define.
-SLOPES = {"exp": "exp(x)", "log": "1/x", "sqrt": ".5/sqrt(x)", "sin": "cos(x)", "cos": "-sin(x)", "atan": "1/(1 + x*x)"}
-DEFINED = {
-    "asin": "atan(x/sqrt(1 - x**2))", "acos": "2*atan(1) - asin(x)", "asinh": "2*atanh(x/(1 + sqrt(1 + x**2)))",
-    "expm1": "exp(x) - 1", "log1p": "log(1 + x)", "tan": "sin(x)/cos(x)",
-    "sinh": "(exp(x) - exp(-x))/2", "cosh": "(exp(x) + exp(-x))/2", "tanh": "1 - 2/(exp(2*x) + 1)",
-    "acosh": "log(x + sqrt(x - 1)*sqrt(x + 1))", "atanh": "log((1 + x)/(1 - x))/2",
-}  # fmt: skip
-Names = Mapping[str, "Tree"]
 ENDS = "liftoff_extension", "mid_flight_extension"
-
-OPERATIONS: dict[Any, Callable] = {"+": add, "*": mul, "/": truediv}
-OPERATIONS |= {ast.Add: add, ast.Sub: sub, ast.Mult: mul, ast.Div: truediv, ast.Pow: pow}
-
-
-class Tree:
-    """A formula: a "number", with a Fraction as its value, a "name", with a text, an operation on its parts, a
-    function, or a function in "pieces". Equal ones are one object, see `tree`. Sums and products leave out 0 and 1."""
-
-    def __init__(self, kind: str, parts: tuple["Tree", ...], value: Any):
-        self.kind, self.parts, self.value = kind, parts, value
-
-    def __add__(self, other: "Tree") -> "Tree":
-        return other if self is ZERO else self if other is ZERO else tree("+", self, other)
-
-    def __sub__(self, other: "Tree") -> "Tree":
-        return self + LESS * other
-
-    def __mul__(self, other: "Tree") -> "Tree":
-        if ZERO in (self, other):
-            return ZERO
-        return other if self is ONE else self if other is ONE else tree("*", self, other)
-
-    def __truediv__(self, other: "Tree") -> "Tree":
-        return self if self is ZERO or other is ONE else tree("/", self, other)
-
-    def __pow__(self, other: "Tree") -> "Tree":
-        if other.kind != "number" or other.value.denominator != 1:
-            return tree("exp", other * tree("log", self))
-        if abs(other.value) > CHECKS.power:
-            raise Unverified(f"the power {other.value} is too large")
-        product_of = ONE
-        for bit in bin(abs(int(other.value)))[2:]:
-            product_of = product_of * product_of * (self if bit == "1" else ONE)
-        return product_of if other.value >= 0 else ONE / product_of
-
-
-@lru_cache(maxsize=100_000)
-def tree(kind: str, *parts: Tree, value: object = None) -> Tree:
-    """The one tree of this kind and these parts; a number where they are numbers."""
-    heed()
-    if kind in OPERATIONS and parts[0].kind == parts[1].kind == "number":
-        if kind == "/" and not parts[1].value:
-            raise Unverified("a formula divides by 0")
-        found = OPERATIONS[kind](parts[0].value, parts[1].value)
-        if max(abs(found.numerator), found.denominator).bit_length() > CHECKS.bits_of_numbers:
-            raise Unverified("a number in a formula has too many digits")
-        return number(found)
-    return Tree(kind, parts, value)
-
-
-def number(value: Fraction | int) -> Tree:
-    """The tree of a rational number."""
-    return tree("number", value=Fraction(value))
-
-
-ZERO, ONE, LESS = map(number, (0, 1, -1))
-
-
-def parse(text: str, names: Names, needed: list[Tree]) -> Tree:
-    """The tree of a formula, with trees in the place of its names; its numerals are the decimals that are written.
-    Quotients, roots and whatever else may have no value are added to `needed`, also where they cancel."""
-    tokens = TOKENS.findall(text)
-    # Python's parser reads numerals and names as plain names: 007 is a number, and its keywords are names like others.
-    marked = " ".join(each if each[0] in "*-+/()" else f"_{i}" for i, each in enumerate(tokens))
-
-    def tree_of(node: ast.AST) -> Tree:
-        match node:
-            case ast.Name(id=place):
-                token = tokens[int(place[1:])]
-                return number(decimal(token)) if token[0] in ".0123456789" else names[token]
-            case ast.UnaryOp(op=ast.USub() | ast.UAdd() as op, operand=operand):
-                return (LESS if isinstance(op, ast.USub) else ONE) * tree_of(operand)
-            case ast.Call(func=ast.Name(id=place), args=[argument], keywords=[]):
-                function, x = tokens[int(place[1:])], tree_of(argument)
-                if function in DEFINED:
-                    return parse(DEFINED[function], {"x": x}, needed)
-                if function in SLOPES:
-                    needed.append(tree(function, x))
-                    return needed[-1]
-            case ast.BinOp(left=left, op=op, right=right):
-                a, b = tree_of(left), tree_of(right)
-                needed.extend([tree("/", ONE, b) if isinstance(op, ast.Div) else a, OPERATIONS[type(op)](a, b)])
-                return needed[-1]
-        raise KeyError
-
-    try:
-        if "".join(tokens) != re.sub(r"\s", "", text, flags=re.ASCII) or len(text) > CHECKS.formula_length:
-            raise SyntaxError
-        return tree_of(ast.parse(marked, mode="eval").body)
-    except (SyntaxError, KeyError):
-        raise Unverified(
-            f"'{text[:50]}' cannot be read, or contains a name that is not stated, or is not smooth"
-        ) from None
-
-
-def in_pieces(pieces: Sequence[Tree]) -> Tree:
-    """The tree of a function with a formula on each piece of a law. Where a step crosses from a piece to the next one,
-    the hull of both holds the function, and that of their derivatives the quotients of its differences."""
-    return pieces[0] if len({*pieces}) == 1 else tree("pieces", *pieces)
-
-
-@lru_cache(maxsize=100_000)
-def slope(of: Tree, by: str) -> Tree:
-    """The derivative of a tree by a name."""
-    if of.kind == "pieces":
-        return in_pieces([slope(part, by) for part in of.parts])
-    if not of.parts:
-        return ONE if of.kind == "name" and of.value == by else ZERO
-    (a, da), *rest = [(part, slope(part, by)) for part in of.parts]
-    if not rest:
-        return parse(SLOPES[of.kind], {"x": a}, []) * da
-    b, db = rest[0]
-    return da + db if of.kind == "+" else da * b + a * db if of.kind == "*" else (da - of * db) / b
-
-
-def replaced(of: Tree, places: Names, flips: bool = False) -> Tree:
-    """A tree with others in the places of names and, if `flips`, with the pieces of a law in the opposite order."""
-
-    @cache
-    def new(of: Tree) -> Tree:
-        parts = [new(part) for part in of.parts]
-        if of.kind == "pieces":
-            return in_pieces(parts[::-1] if flips else parts)
-        return OPERATIONS.get(of.kind, partial(tree, of.kind))(*parts) if parts else places.get(of.value, of)
-
-    return new(of)
-
-
-def is_zero(of: Tree, piece: int = 0) -> bool:
-    """Whether a tree is 0 on a piece of a law: as a quotient of polynomials in names and values of functions. These are
-    equal at equal arguments, at opposite ones as f(-x) follows from f(x), and log(1/x) is -log(x)."""
-    ring = fmpq_mpoly_ctx.get([f"x{i}" for i in range(CHECKS.names)], Ordering.lex)
-    one, new, seen = ring.constant(1), iter(ring.gens()), list[tuple]()
-
-    def value(kind: str, a: Any, b: Any) -> tuple:
-        for c, d, p, q in [each for known, *each in seen if known == kind]:
-            if a * d == c * b:
-                return p, q
-            if a * d == -c * b and kind in ("sin", "cos", "atan", "exp"):
-                return (q, p) if kind == "exp" else (p if kind == "cos" else -p, q)
-            if a * c == b * d and kind == "log":
-                return -p, q
-        seen.append((kind, a, b, next(new), one))
-        return seen[-1][3:]
-
-    @cache
-    def form(of: Tree) -> tuple:
-        heed()
-        parts = [form(part) for part in ([of.parts[piece]] if of.kind == "pieces" else of.parts)]
-        (a, b), (c, d) = [*parts, (one, one), (one, one)][:2]
-        if of.kind in OPERATIONS:
-            found = (a * d + c * b, b * d) if of.kind == "+" else (a * c, b * d) if of.kind == "*" else (a * d, b * c)
-        elif of.kind == "number":
-            found = ring.constant(fmpq(of.value.numerator, of.value.denominator)), one
-        else:
-            found = (next(new), one) if of.kind == "name" else (a, b) if of.kind == "pieces" else value(of.kind, a, b)
-        if found[1] == 0 or max(map(len, found)) > CHECKS.terms:
-            raise Unverified("formulas are too long to be compared, or have no value anywhere")
-        return found
-
-    try:
-        return bool(form(of)[0] == 0)
-    except StopIteration:
-        raise Unverified("formulas have too many names to be compared") from None
-
-
-def dot(a: Sequence[Any], b: Sequence[Any], start: Any = ZERO) -> Any:
-    """The sum of products."""
-    return sum((x * y for x, y in zip(a, b, strict=True)), start)
-
-
-def solved(matrix: list[list[Tree]], *right: Sequence[Tree]) -> tuple[list[Tree], list[list[Tree]]]:
-    """The pivots of a symmetric matrix, positive where it is positive definite, and the solutions of linear systems."""
-    rows, pivots = [[*row, *(each[i] for each in right)] for i, row in enumerate(matrix)], list[Tree]()
-    for k in range(len(rows)):
-        pivots.append(rows[k][k])
-        rows[k] = [each / pivots[k] for each in rows[k]]
-        for i in range(len(rows)):
-            if i != k:
-                rows[i] = [a - rows[i][k] * b for a, b in zip(rows[i], rows[k], strict=True)]
-    return pivots, [[row[len(rows) + j] for row in rows] for j in range(len(right))]
-
-
-def solved_apart(matrix: list[list[Tree]], right: Sequence[Tree]) -> list[Tree] | None:
-    """The solution of a linear system: by entries that are numbers, as long as there are some, and for at most two
-    unknowns that are left by Cramer's rule; None for more."""
-    rows, left, known = [[*row, each] for row, each in zip(matrix, right, strict=True)], [*range(len(right))], {}
-    while place := next(((i, j) for i, row in enumerate(rows) for j in left if row[j].kind == "number"
-                         and row[j] is not ZERO), None):  # fmt: skip
-        i, j = place
-        known[j] = pivot = [each / row[j] for row in [rows.pop(i)] for each in row]
-        rows = [[a - row[j] * b for a, b in zip(row, pivot, strict=True)] for row in rows]
-        left.remove(j)
-    if len(left) > 2:
-        return None
-    found = [ZERO] * len(right)
-    if len(left) == 1:
-        found[left[0]] = rows[0][-1] / rows[0][left[0]]
-    if len(left) == 2:
-        (a, b, p), (c, d, q) = ([row[left[0]], row[left[1]], row[-1]] for row in rows)
-        found[left[0]], found[left[1]] = (p * d - b * q) / (a * d - b * c), (a * q - p * c) / (a * d - b * c)
-    for j, row in reversed(known.items()):
-        found[j] = row[-1] - dot([*row[:j], ZERO, *row[j + 1 : -1]], found)
-    return found
 
 
 class Values(dict[Tree, Any]):
@@ -292,40 +93,6 @@ def coefficient(value: Any, order: int) -> arb:
     return value if order == 0 else arb(0)
 
 
-def quintic(row: Sequence[str], other: Sequence[str], r: Tree) -> Tree:
-    """The polynomial of degree 5 between two rows (r, value, slope, curvature) of a table with these: Taylor's at one
-    end, and what that lacks at the other."""
-    (a, *low), (b, *high) = ([number(decimal(each)) for each in ends] for ends in (row, other))
-    two, three, h = number(2), number(3), b - a
-    (y, v, w), (p, q, s) = ((value, rate * h, bend * h * h / two) for value, rate, bend in (low, high))
-    p, q, s = p - y - v - w, q - v - two * w, s - w
-    t, u = (r - a) / h, (r - b) / h
-    return y + t * (v + t * (w + t * (p + u * (q - three * p + u * (s - three * (q - two * p))))))
-
-
-def law_of(spring: Mapping[str, Any], known: Names, r: Tree, needed: list[Tree]) -> tuple[Tree, list[Tree]]:
-    """The force of a spring at an extension, or its energy, and the edges of its pieces: piece k is where edge k is
-    positive and edge k + 1 negative. A table's is its formula times the polynomials between its rows, where two rows
-    share each polynomial, and has no value beyond."""
-    rows, ends = spring.get("rows"), [parse(each, known, []) for each in spring["breaks"]]
-
-    def law_on(piece: int, r: Tree, needed: list[Tree]) -> Tree:
-        return parse(spring["force"][piece], known if rows else {**known, "r": r}, needed)
-
-    if not all(is_zero(law_on(k, end, []) - law_on(k + 1, end, [])) for k, end in enumerate(ends)):
-        raise Unverified("a spring's force is not shown to be continuous where its pieces meet")
-    lists = [list[Tree]() for _ in spring["force"]]
-    laws = [law_on(k, r, each) for k, each in enumerate(lists)]
-    needed.append(in_pieces([sum(each, ZERO) for each in lists]))
-    if rows:
-        (scale,), beyond, ends = laws, parse("1/(r - r)", {"r": r}, []), [number(decimal(row[0])) for row in rows]
-        laws = [beyond, *(scale * quintic(*pair, r) for pair in pairwise(rows)), beyond]
-    if ends and spring["potential"]:
-        raise Unverified("an energy has pieces")
-    needed.extend(tree("log", b - a) for a, b in pairwise(ends))  # has a value where the ends are in order
-    return in_pieces(laws), [ONE, *(r - end for end in ends), LESS]
-
-
 class Turn:
     """The map of coordinates y to signs y + shifts, and of their rates v to -signs v, which reverses time.
 
@@ -347,6 +114,13 @@ class Turn:
     def of(self, tree: Tree) -> Tree:
         """A function of the image of a state, as one of the state."""
         return replaced(tree, self.places, self.flips)
+
+    def midway(self, tree: Tree) -> Tree:
+        """A function of a state that is its own image."""
+        halves = [ZERO if sign > 0 else shift / number(2) for sign, shift in zip(self.signs, self.shifts, strict=True)]
+        names, n = [*self.places], len(self.signs)
+        still = [names[i + n * (sign > 0)] for i, sign in enumerate(self.signs)]
+        return replaced(tree, dict(zip(still, halves, strict=True)))
 
     def check(self, m: "Machine", along: list[list[Tree]], free: Sequence[int], closed: Names) -> None:
         """See that the map is its own inverse for the free coordinates, and turns the equations of motion along some
@@ -372,9 +146,11 @@ class Machine:
     loads, squares : the same without the terms of the rates, and masses, gradients of places, and what the second
         derivatives by time of these are without accelerations, where the kinetic energy is half the sum of masses times
         squares of speeds and M varies
-    weights : of the coordinates in the gap
-    unknowns : the names of the places and the rates at the launch of the contact's coordinates, by their numbers
-    out, sticks : the coordinate that the closed gap determines, and the coordinates that are 0 in contact too
+    weights : of the coordinates in the gap, or unless it is a sum, of the coordinate with which it vanishes
+    unknowns : the names of the places and the rates at the launch of the coordinates that move in contact, by their
+        numbers
+    out, sticks : the coordinate that the closed gap determines, and the coordinates that rest in contact too: at 0, or
+        at any place where `places` has that of the point along the ground
     embedded : the matrix from the others to all
     launch : of all coordinates and of their rates at the launch, the weights of the unknowns
     edges : functions that end the pieces of a spring's law, see `law_of`
@@ -418,6 +194,7 @@ class Machine:
         turning = [rate(p) - slope(energy, y) for p, y in zip(momentum, names, strict=True)]
         pull = parse(stated["surface_gravity"], both, needed)
         along = [(m * pull * parse(stated["gravity"], {**both, "z": h}, needed), h) for m, h in masses + weights]
+        self.weight = sum((each for each, _ in along), ZERO)
         along += [(ONE, parse(each, both, needed)) for each in stated["potentials"]]
         self.edges = [ONE, LESS]
         for spring in stated["springs"]:
@@ -435,26 +212,27 @@ class Machine:
         self.squares = [(mass, [slope(place, y) for y in names], rate(rate(place)))
                         for mass, place in squares if alone and fixed and varies]  # fmt: skip
         if self.squares:  # the same, without terms that cancel
+            self.inertia = [[sum((mass * to[min(i, j)] * to[max(i, j)] for mass, to, _ in self.squares), ZERO)
+                             for j in range(n)] for i in range(n)]  # fmt: skip
             turning = [sum((mass * to[i] * bend for mass, to, bend in self.squares), ZERO) for i in range(n)]
         self.forces = [load - each for load, each in zip(self.loads, turning, strict=True)]
         self.gap, self.counts = (parse(stated[name], both, needed) for name in ("gap", "counts"))
         self.separation = ONE if stated["separation"] is None else parse(stated["separation"], both, needed)
-        self.weights = [slope(self.gap, name) for name in names]
-        at_zero = parse(stated["gap"], {**both, **dict.fromkeys(names, ZERO)}, [])
-        if at_zero is not ZERO or any(each.kind != "number" for each in self.weights):
-            raise Unverified("the gap is not a sum of coordinates with numbers before them")
         out, launch = names.index(stated["eliminated"]), names.index(stated["launch"])
+        self.weights = self._weights(stated["eliminated"])
         if self.weights[out] is ZERO or launch == out:
             raise Unverified("the gap does not determine the coordinate that the file names")
         self.sticks = [names.index(name) for name in stated.get("sticks", ())]
-        if out in self.sticks or launch in self.sticks or any(self.weights[i] is not ZERO for i in self.sticks):
-            raise Unverified("the coordinate that sticks is the gap, or is launched")
+        self.along = {names.index(x): parse(place, both, needed) for x, place in stated.get("places", ())}
+        self._check_sticks(out, launch)
         self.unknowns = {i: (name, f"{name}'") for i, name in enumerate(names) if i not in (out, *self.sticks)}
         self.unknowns[launch] = "liftoff", "alpha"
         embedded = [[Fraction(int(i == j)) for j in self.unknowns] for i in range(n)]
         embedded[out] = [-self.weights[j].value / self.weights[out].value for j in self.unknowns]
         ends = list(zip(*self.unknowns.values(), strict=True))
         self.launch = [[dict(zip(end, row, strict=True)) for row in embedded] for end in ends]
+        for i in self.along:
+            self.launch[0][i] = {names[i]: Fraction(1)}
         self.out, self.embedded = out, [[number(each) for each in row] for row in embedded]
         maps = [dict(stated.get(kind, ())) for kind in MAPS[:2]]
         if not {*maps[0], *maps[1]} <= {*names}:
@@ -462,8 +240,8 @@ class Machine:
         first, then = ([parse(each.get(name, name), both, needed) for name in names] for each in maps)
         self.back, self.steps = Turn(names, self.states, first), any(kind in stated for kind in MAPS)
         self.again = Turn(names, self.states, [replaced(each, self.back.places) for each in then])
-        self.landing, sticks = self.back.of(self.gap), [names[i] for i in self.sticks]
-        self.friction = parse(stated["friction"], known, needed) if self.sticks else None
+        self.landing, sticks = self.back.of(self.gap), [names[i] for i in self.sticks if i not in self.along]
+        self.friction = parse(stated["friction"], known, needed) if self.sticks else ZERO
         heights = [parse(height, both, needed) for _, height in stated.get("heights", ())]
         self.above = [each for each in heights if not is_zero(each - self.gap)]
         moving = [*chain(*self.inertia), *self.forces, self.counts, self.separation, *heights]
@@ -473,8 +251,50 @@ class Machine:
                            for name, value in stated.get("prescribed", ())]  # fmt: skip
         if self.sticks and not self.steps:
             raise Unverified("a machine that sticks states no maps")
+        self.grazes = stated.get("grazes", False)
+        if self.grazes and not all(is_zero(self.back.midway(each)) for each in (self.gap, rate(self.gap))):
+            raise Unverified("the gap and its rate do not vanish in the middle of the flight")
+        self.masses, self.heavy = masses, masses + weights
+        self.centre = parse(stated["centre"], both, needed) if self.along else ZERO
         if self.steps:
             self._check_steps([parse(gap, both, needed) for _, gap in stated.get("gaps", ())])
+
+    def _check_sticks(self, out: int, launch: int) -> None:
+        """See that what sticks is not in the gap's sum, and has a place along the ground unless the gap is a sum."""
+        if out in self.sticks or launch in self.sticks or any(self.weights[i] is not ZERO for i in self.sticks):
+            raise Unverified("the coordinate that sticks is the gap, or is launched")
+        if not {*self.along} <= {*self.sticks} or not (self.summed or [*self.along] == self.sticks):
+            raise Unverified("a place along the ground is stated for what does not stick, or not for what does")
+
+    def _weights(self, closing: str) -> list[Tree]:
+        """The weights of the coordinates in the gap, or those of the coordinate with which it vanishes."""
+        weights = [slope(self.gap, name) for name in self.names]
+        self.summed = all(each.kind == "number" for each in weights)
+        if not is_zero(replaced(self.gap, dict.fromkeys(self.names if self.summed else [closing], ZERO))):
+            raise Unverified(
+                "the gap is not a sum of coordinates with numbers before them, nor vanishes with a single one"
+            )
+        return weights if self.summed else [number(int(name == closing)) for name in self.names]
+
+    def on_point(self, force: Tree, held: Sequence[Tree]) -> list[Tree]:
+        """The forces across and along the ground on the point that opens, from those on the coordinate with which the
+        gap vanishes and on what sticks."""
+        if self.summed:
+            return [force, *held]
+        out, along = self.names[self.out], [*self.along.items()]
+        held = [each / slope(place, self.names[i]) for each, (i, place) in zip(held, along, strict=True)]
+        pulls = dot([slope(place, out) for _, place in along], held)
+        return [(force - pulls) / slope(self.gap, out), *held]
+
+    def forces_in_flight(self, field: "Field") -> list[Tree]:
+        """The forces of the ground in flight, across and along it, times the square of half the time: from weights, and
+        from masses and their accelerations. See that the image of a state has the same, or the second's negative."""
+        time, image = self.states[2 * len(self.names)], self.back.of(self.centre)
+        mirrored = any(map(is_zero, (image - self.centre, image + self.centre)))
+        if not mirrored or not all(is_zero(self.back.of(height) - height) for _, height in self.heavy):
+            raise Unverified("the stated maps do not leave the heights of the masses as they are, or their centre")
+        across = sum((mass * field.along(height, 2) for mass, height in self.masses), time * time * self.weight)
+        return [across, sum((mass for mass, _ in self.masses), ZERO) * field.along(self.centre, 2)]
 
     def is_zero(self, of: Tree) -> bool:
         """Whether a tree is 0 in contact, on each piece of the law."""
@@ -499,6 +319,8 @@ class Machine:
             case "speed":
                 centre = parse(stated["centre"], both, self.needed)
                 return [dot([slope(centre, name) for name in self.names], self.rates) - value, ZERO]
+            case _ if name.endswith("_at_landing") and name[:-11] in {self.names[i] for i in self.along}:
+                return [self.back.places[name[:-11]] - value, ZERO]
             case "step" if self.sticks and "step" in self.tuned:
                 return [both["step"] - value, ZERO]
             case "mean_speed" if self.sticks and "step" in self.tuned:
@@ -509,13 +331,15 @@ class Machine:
         """See that the stated maps turn the motions back, and that the stated gaps are images of one another."""
         n, columns, again = len(self.names), list(map(list, zip(*self.embedded, strict=True))), self.again.of(self.gap)
         self.closed = {each[i].value: dot(self.embedded[i], [each[j] for j in self.unknowns])
-                       for i in (self.out, *self.sticks) for each in (self.states, self.rates)}  # fmt: skip
+                       for i in (self.out, *self.sticks)
+                       for each in (*([] if i in self.along else [self.states]), self.rates)}  # fmt: skip
         self.back.check(self, [[number(int(i == j)) for j in range(n)] for i in range(n)], range(n), {})
         self.again.check(self, columns, [*self.unknowns], self.closed)
         zeros = [each - own for each, own in zip(gaps, (self.gap, self.landing), strict=False)]
         if len(gaps) > 2 or not all(map(is_zero, zeros)) or not any(map(is_zero, (again - self.gap, again + self.gap))):
             raise Unverified("the gaps are not mapped to one another")
-        if not all(is_zero(self.again.shifts[i]) for i in self.sticks):
+        moved = [i for i in self.along if self.again.signs[i] < 0]
+        if moved or not all(is_zero(self.again.shifts[i]) for i in self.sticks):
             raise Unverified("the coordinate that sticks is not mapped to where it sticks")
 
 
@@ -541,6 +365,7 @@ class Field:
         held = [dot(row, inside) for row in m.embedded]
         self.force = (dot(m.inertia[out], held) - m.forces[out]) / m.weights[out]
         self.held = [dot(m.inertia[i], held) - m.forces[i] for i in m.sticks]
+        self.force, *self.held = m.on_point(self.force, self.held)
         self.rates = [time * each for each in (*m.rates, *(held if contact else free))]
         self.rates += [ZERO] * (len(m.states) - len(self.rates))
         self.slopes = self.changes()
@@ -742,29 +567,31 @@ class Passage:
         self.end, self.parts = (list(centre), box, slopes), [part for part, *_ in self.starts]
 
 
-def signs(parts: Sequence[Part], of: Tree | None, orders: Callable[..., Sequence[int]]) -> list[list[int]]:
-    """On stretches of a motion, in order, the first of some derivatives of a function, the contact force for None, that
-    has a sign there, and that sign. Which orders are tried depends on whether orders above 0 decided all
-    stretches before, and whether one holds the end."""
+def signs(parts: Sequence[Part], of: Tree, orders: Callable[..., Sequence[int]]) -> list[list[int]]:
+    """On stretches of a motion, in order, the first of some derivatives of a function that has a sign there, and that
+    sign; the function itself may have it by the mean value theorem. Which orders are tried depends on whether orders
+    above 0 decided all stretches before, and whether one holds the end."""
     found, last = list[list[int]](), len(parts) - 1
     waiting = [(each, arb(0), each.h, i == last, ctx.prec) for i, each in enumerate(parts)][::-1]
     while waiting:
         heed()
         part, low, high, ends, left = waiting.pop()
-        at, function = part.values(low.union(high)), of or part.field.force
+        at, middle, along = part.values(low.union(high)), (low + high) / 2, part.field.along
         tried = orders(all(order for order, _ in found), ends)
-        values = ((order, at[part.field.along(function, order)]) for order in tried)
-        if decided := next(([order, 1 if each > 0 else -1] for order, each in values if each > 0 or each < 0), None):
+        values = ((order, at[along(of, order)]) for order in tried)
+        smooth = 0 in tried and len(part.pieces) == 1
+        means = ((0, part.values(middle)[of] + at[along(of, 1)] * (low.union(high) - middle)) for _ in range(smooth))
+        both = chain(values, means)
+        if decided := next(([order, 1 if each > 0 else -1] for order, each in both if each > 0 or each < 0), None):
             found.append(decided)
         elif left:
-            middle = (low + high) / 2
             waiting += [(part, middle, high, ends, left - 1), (part, low, middle, False, left - 1)]
         else:
             raise Unverified("a sign along the motion cannot be decided")
     return found
 
 
-def check_positive(what: str, parts: Sequence[Part], of: Tree | None, at_start: int = 0, at_end: int = 0) -> None:
+def check_positive(what: str, parts: Sequence[Part], of: Tree, at_start: int = 0, at_end: int = 0) -> None:
     """See that a function is positive inside the motion. At one end it may be known to have a zero of some order: it is
     positive near that zero by Taylor's formula where the derivative of that order has the fitting sign."""
     found = signs(parts, of, lambda begins, ends: [at_end if ends else 0, *([at_start] if begins and at_start else [])])
@@ -869,13 +696,39 @@ def check(document: Mapping[str, object], limit: float = LIMIT, verify: Callable
     return []
 
 
+def check_said(document: Mapping[str, Any], kind: str, bounds: Mapping[str, Any]) -> None:
+    """See that the file has this kind, that all is proved, and that it says the same where it repeats itself, also the
+    bounds of the parameters; raises `Unverified`."""
+    found = [document[name] for name in ("format", "kind", "proved", "attraction_radius")]
+    if found != ["persistent-orbits proof 2", kind, True, None] or document["radius"] is None:
+        raise Unverified(
+            "this program verifies proofs of orbits and of hops that come back, by this version, all proved, without "
+            "attraction"
+        )
+    machine, parts, again = document["machine"], document["parts"], dict.fromkeys(("alpha", *PHASES, "bounce_side"))
+    said, parameters = ({name: {"low": low, "high": high} for name, (low, high) in pairs.items()}
+                        for pairs in (document["enclosures"], bounds))  # fmt: skip
+    said = {name: each for name, each in said.items() if name not in machine.get("tuned", ())}
+    radius = parts[0]["uniqueness_radius"] if len(parts) == 1 else None
+    again |= {**said, "parameters": parameters, "units": machine["units"], "uniqueness_radius": radius, "reasons": []}
+    if false := [name for name, value in again.items() if document.get(name) != value]:
+        raise Unverified(f"'{false[0]}' is not what the file says elsewhere, or this program does not verify it")
+    check_printed(document)
+
+
+def check_radius(document: Mapping[str, Any], said: Bounds) -> None:
+    """See that the radius is half the width of the enclosure of alpha, or more; raises `Unverified`."""
+    if 2 * decimal(document["radius"]) < said["alpha"][1] - said["alpha"][0]:
+        raise Unverified("the radius is less than half the width of the enclosure of alpha")
+
+
 def _check_orbit(document: Mapping[str, Any]) -> None:
     """See that the theorem holds in each part of the parameters' intervals, and that the parts cover these."""
     machine = document["machine"]
     check_said(document, "orbit", machine["parameters"])
     speed = dict(machine.get("prescribed", ())).get("speed")
     if not ("friction" in machine) == ("heights" in machine) == ("sticks" in machine) or ("centre" in machine) != (
-        speed is not None
+        speed is not None or bool(machine.get("places"))
     ):
         raise Unverified("the machine states friction but nothing that sticks, or a centre of mass without its speed")
     if not 0 <= decimal(machine.get("restitution", "0")) <= 1:
@@ -884,7 +737,8 @@ def _check_orbit(document: Mapping[str, Any]) -> None:
     parts = [(bounds_of(part["parameters"]), bounds_of(part["unknowns"]), part) for part in document["parts"]]
     motion, stated = document["motion"], document["machine"]["separation"] is not None
     conditions = [*(["separation"] if stated else []), "clearance", "contact_force", "contact_end"] if motion else []
-    conditions += ["heights", "friction"] if motion and document["machine"].get("sticks") else []
+    conditions += ["heights", "friction"] if motion and machine.get("sticks") else []
+    conditions += ["stance"] if motion and machine.get("places") else []
     main = "alpha", *PHASES, *document["machine"].get("tuned", ())
     if document["conditions"] != dict.fromkeys(conditions, "proved") or (document["family"] is not None) != motion:
         raise Unverified("the file claims fewer conditions of a motion as proved, or others")
@@ -935,7 +789,8 @@ def _check_cell(document: Mapping[str, Any], claims: Bounds, radius: Fraction, c
     is the only one within a radius, and is the motion that the file says."""
     machine = Machine(document["machine"], cell)
     phases = [name for name in PHASES if name in claims]
-    names = [name for pair in machine.unknowns.values() for name in pair] + phases + machine.tuned
+    names = [name for pair in machine.unknowns.values() for name in pair] + [machine.names[i] for i in machine.along]
+    names += phases + machine.tuned
     both = len(machine.names) > 2 or document["motion"] or machine.tuned
     other = claims.keys() != {*names} or len(claims) != len(names) or (both and len(phases) < 2)
     if other or any(claims[name][0] <= 0 for name in ("alpha", *phases)):
@@ -962,26 +817,20 @@ def _check_cell(document: Mapping[str, Any], claims: Bounds, radius: Fraction, c
 def _check_motion(document: Mapping[str, Any], solution: Solution) -> None:
     """See that what is said of the motion holds."""
     machine, passages, said = solution.machine, solution.passages, bounds_of(document["enclosures"])
-    held, force = passages[1].field.held, passages[1].field.force
+    force, moving = passages[1].field.force, [*machine.unknowns]
     flight, contact = (each.parts for each in passages)
-    back, again, middle = machine.back, machine.again, machine.again.fixed[1 - machine.out]
+    back, again, middle = machine.back, machine.again, machine.again.fixed[moving[0]]
     if str(document["family"]) != str(turns(flight, machine.counts, is_zero(back.of(machine.counts) - machine.counts))):
         raise Unverified("the family is wrong")
-    check_positive("that the gap stays open in flight", flight, machine.gap, at_start=3)
-    landed = again.of(passages[1].field.force)
-    if not machine.steps or machine.is_zero(landed - passages[1].field.force):
-        check_positive("that the contact pushes", contact, None, at_start=1)
+    check_positive("that the gap stays open in flight", flight, machine.gap, at_start=3, at_end=2 * machine.grazes)
+    landed = again.of(force)
+    same = not machine.steps or machine.is_zero(landed - force)
+    if same:
+        check_positive("that the contact pushes", contact, force, at_start=1)
     else:
         check_positive("that the point that has landed pushes", contact, landed, at_start=1)
-        check_positive("that the point that opens pushes", contact, None)
-    for each in held:
-        images = again.of(each) - each, again.of(each) + each
-        if not machine.is_zero(landed - force) or not any(map(machine.is_zero, images)):
-            raise Unverified("the forces of the ground are not the same, or the negative, at the image of a state")
-        for other in (each, LESS * each):
-            check_positive(
-                "that the coordinate that sticks does not slide", contact, machine.friction * force + other, at_start=1
-            )
+        check_positive("that the point that opens pushes", contact, force)
+    _check_friction(machine, passages, landed, same)
     for what, of in [("separation is", machine.separation), *(("height is", each) for each in machine.above)]:
         for each in {of, back.of(of)}:
             check_positive(f"that the {what} positive in flight", flight, each)
@@ -991,10 +840,31 @@ def _check_motion(document: Mapping[str, Any], solution: Solution) -> None:
         check_positive("that the gap that lands stays open in flight", flight, machine.landing)
         for each in {machine.landing, again.of(machine.landing)}:
             check_positive("that the gap that lands next stays open in contact", contact, each)
-    if len(machine.names) == 2:
+    if len(moving) == 1:
         sign = 1 if contact[0].values(arb(0))[middle] > 0 else -1
         check_positive("that the contact first rests midway", contact, number(sign) * middle, at_end=1)
     for name, end in zip(ENDS, (passages[0].start, passages[0].end), strict=True):
         value, row = passages[0].field.linear(end, machine.counts)
         if not ball(said[name][0]) <= value + dot(row, solution.moved, arb(0)) <= ball(said[name][1]):
             raise Unverified(f"{name} is not shown to lie in its enclosure")
+
+
+def _check_friction(machine: Machine, passages: Sequence[Passage], landed: Tree, same: bool) -> None:
+    """See that friction holds what sticks, and that the ground pushes and holds what stands in flight.
+
+    landed, same : the contact force on the point that has landed, and whether it is that on the point that opens
+    """
+    flight, contact, again, field = passages[0].parts, passages[1].parts, machine.again, passages[1].field
+    for each in field.held:
+        image = again.of(each)
+        same = same and any(map(machine.is_zero, (image - each, image + each)))
+        if not same and not machine.along:
+            raise Unverified("the forces of the ground are not the same, or the negative, at the image of a state")
+        for across, along, order in [(landed, image, 1), (field.force, each, 0)][: 1 if same else 2]:
+            for other in (along, LESS * along):
+                check_positive("that what sticks does not slide", contact, machine.friction * across + other, order)
+    if machine.along:
+        across, along = machine.forces_in_flight(passages[0].field)
+        check_positive("that the ground pushes in flight", flight, across)
+        for other in (along, LESS * along):
+            check_positive("that what stands in flight does not slide", flight, machine.friction * across + other)

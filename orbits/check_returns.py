@@ -16,23 +16,19 @@ from typing import Any
 
 from flint import arb, arb_mat, ctx
 
+from .check_formulas import Tree, dot, is_zero, number, replaced, slope, tree
 from .check_proof import (
     Contraction,
     Field,
     Machine,
     Passage,
-    Tree,
     ball,
     check,
     check_halved,
     check_positive,
-    dot,
-    is_zero,
+    check_radius,
+    check_said,
     moved,
-    number,
-    replaced,
-    slope,
-    tree,
 )
 from .check_statement import (
     CHECKS,
@@ -42,8 +38,6 @@ from .check_statement import (
     Unverified,
     Word,
     bounds_of,
-    check_radius,
-    check_said,
     decimal,
     unknowns_of_doubling,
     word_of,
@@ -316,7 +310,7 @@ def _check_motion(known: Hops, claims: Bounds, word: Word, inject: tuple[Fractio
             order = 2 if i else 3
             check_positive("that the gap stays open in flight", flight.parts, machine.gap, at_start=order, at_end=1)
             check_positive("that the separation is positive in flight", flight.parts, machine.separation)
-        check_positive("that the contact pushes", contact.parts, None, at_end=1)
+        check_positive("that the contact pushes", contact.parts, contact.field.force, at_end=1)
         check_positive("that the separation is positive in contact", contact.parts, machine.separation)
     low, high = inject
     first, *others = launches = [claims[launch] for launch, _, _ in word.hops]

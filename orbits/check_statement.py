@@ -103,8 +103,8 @@ MACHINE = {
 MAPS, PHASES = ("reversor", "symmetry", "gaps"), ("flight_time", "contact_time")
 Bounds = Mapping[str, tuple[Fraction, Fraction]]
 OF_ORBIT = {
-    **MACHINE, **{f"{name}?": [SIZED] for name in (*MAPS, "heights")}, "sticks?": [str], "tuned?": [str],
-    "prescribed?": [(str, decimal)], "centre?": str, "friction?": str, "restitution?": decimal,
+    **MACHINE, **{f"{name}?": [SIZED] for name in (*MAPS, "heights", "places")}, "sticks?": [str], "tuned?": [str],
+    "prescribed?": [(str, decimal)], "centre?": str, "friction?": str, "restitution?": decimal, "grazes?": bool,
 }  # fmt: skip
 OF_RETURNS = {**{name: each for name, each in MACHINE.items() if name != "eliminated"}, "injection": (None, PAIR)}
 RETURNS = "fixed point", "periodic hops", "period doubling"  # the kinds of theorems about hops that come back
@@ -183,32 +183,6 @@ def within(inner: Bounds, outer: Bounds) -> bool:
     return all(outer[name][0] <= low and high <= outer[name][1] for name, (low, high) in inner.items())
 
 
-def check_said(document: Mapping[str, Any], kind: str, bounds: Mapping[str, Any]) -> None:
-    """See that the file has this kind, that all is proved, and that it says the same where it repeats itself, also the
-    bounds of the parameters; raises `Unverified`."""
-    found = [document[name] for name in ("format", "kind", "proved", "attraction_radius")]
-    if found != ["persistent-orbits proof 2", kind, True, None] or document["radius"] is None:
-        raise Unverified(
-            "this program verifies proofs of orbits and of hops that come back, by this version, all proved, without "
-            "attraction"
-        )
-    machine, parts, again = document["machine"], document["parts"], dict.fromkeys(("alpha", *PHASES, "bounce_side"))
-    said, parameters = ({name: {"low": low, "high": high} for name, (low, high) in pairs.items()}
-                        for pairs in (document["enclosures"], bounds))  # fmt: skip
-    said = {name: each for name, each in said.items() if name not in machine.get("tuned", ())}
-    radius = parts[0]["uniqueness_radius"] if len(parts) == 1 else None
-    again |= {**said, "parameters": parameters, "units": machine["units"], "uniqueness_radius": radius, "reasons": []}
-    if false := [name for name, value in again.items() if document.get(name) != value]:
-        raise Unverified(f"'{false[0]}' is not what the file says elsewhere, or this program does not verify it")
-    check_printed(document)
-
-
-def check_radius(document: Mapping[str, Any], said: Bounds) -> None:
-    """See that the radius is half the width of the enclosure of alpha, or more; raises `Unverified`."""
-    if 2 * decimal(document["radius"]) < said["alpha"][1] - said["alpha"][0]:
-        raise Unverified("the radius is less than half the width of the enclosure of alpha")
-
-
 def _label(name: str) -> str:
     """A name in a statement that nothing depends on; raises `Unverified` for one that might be read as a sentence."""
     if not re.fullmatch(rf"[\w '()#/.+-]{{1,{CHECKS.name_length}}}", name) or ". " in name:
@@ -245,7 +219,8 @@ def _names(m: Mapping[str, Any]) -> set[str]:
     """The names in the formulas of a machine."""
     texts = [*m["potentials"], *(m[name] for name in ("surface_gravity", "gravity", "gap", "counts"))]
     texts += [m["separation"] or "", m.get("friction", ""), *chain(*m["masses"], *m["weights"], *m["inerters"])]
-    texts += [*chain(*m["inertia"]), *(formula for kind in (*MAPS, "heights") for _, formula in m.get(kind, ()))]
+    kinds = *MAPS, "heights", "places"
+    texts += [*chain(*m["inertia"]), *(formula for kind in kinds for _, formula in m.get(kind, ()))]
     texts += [text for spring in m["springs"] for text in (spring["extension"], *spring["force"], *spring["breaks"])]
     return {*re.findall(r"(?<![\w.])[A-Za-z_]\w*", " ".join(texts), re.ASCII)}
 
@@ -270,9 +245,13 @@ def _machine(m: Mapping[str, Any]) -> str:
     opens = f" of the {(points or ['point that opens'])[0]}, which opens" if steps else f", which {how}"
     parts += [f"the gap {m['gap']}{opens}"]
     parts += [f"{(lands or ['its image under R'])[0]}, which {how}"] if steps else []
-    parts += [f"the coordinate {x}, which sticks: it is 0 in contact, held by a force of the ground" for x in sticks]
+    at = {x: f"rests in contact, held by a force of the ground on the point that opens, at the place {place}"
+          for x, place in m.get("places", ())}  # fmt: skip
+    parts += [f"the coordinate {x}, which sticks: it {at.get(x, 'is 0 in contact, held by a force of the ground')}"
+              for x in sticks]  # fmt: skip
     parts += [f"the height {height} of the {_label(name)}" for name, height in m.get("heights", ())]
     parts += [f"the coefficient of friction {m['friction']}"] if "friction" in m else []
+    parts += [f"the place {m['centre']} of the centre of the masses along the ground"] if at and "centre" in m else []
     parts += [f"the separation {m['separation']}"] if m["separation"] is not None else []
     numbers = [f"{name} = {low}" if low == high else f"{name} in {_interval(low, high)}"
                for name, (low, high) in sorted(m["parameters"].items())]  # fmt: skip
@@ -305,7 +284,8 @@ def _maps(m: Mapping[str, Any], sticks: Sequence[str]) -> str:
                   for kind in MAPS[:2])  # fmt: skip
     letters = chain(("x", "q", "X", "Q", "state"), map("state_{}".format, count()))
     x = next(each for each in letters if each not in {*m["coordinates"], *m["parameters"], *m.get("tuned", ())})
-    vanish = ", in which all forces of the ground vanish," if sticks else ""
+    forces = "the forces of the ground on the point that opens" if m.get("places") else "all forces of the ground"
+    vanish = f", in which {forces} vanish," if sticks else ""
     return (
         f"Let R reverse time and take {back}, and let S take {anew}; coordinates without a formula stay. A lossless "
         f"orbit is launched in a state {x}{vanish} and lands in R {x}; its contact, whose coordinates are counted anew "
@@ -327,6 +307,17 @@ CONDITIONS_OF_STEPS = CONDITIONS | {
     "opens, throughout the contact",
     "contact_force": "each point that stands in contact pushes throughout the open contact",
     "contact_end": "the contact comes to its middle, and ends in a lift-off that is the image of the landing",
+}
+CONDITIONS_OF_STANCES = CONDITIONS_OF_STEPS | {
+    "friction": "on each point the force along the ground is below the coefficient of friction times that across it "
+    "throughout the open contact, and so are their derivatives where both vanish",
+    "stance": "in flight the force of the ground across it, the sum of the weights and of the masses times the "
+    "accelerations of their heights, is positive, and times the coefficient of friction above that along it, the sum "
+    "of the masses times the acceleration of their centre",
+}
+GRAZES = {
+    "clearance": "the gap is open throughout the open flight except for its middle, where it vanishes to second order: "
+    "there the point passes the ground tangentially and without a force",
 }
 
 
@@ -362,6 +353,7 @@ def _orbit(document: Mapping[str, Any]) -> str:
     motion = ""
     if document["motion"]:
         conditions = CONDITIONS_OF_STEPS if any(m.get(kind) for kind in MAPS) else CONDITIONS
+        conditions = (CONDITIONS_OF_STANCES if m.get("places") else conditions) | (GRAZES if m.get("grazes") else {})
         words = [f"it is of family {document['family']}"]
         ends = [name for name in ("liftoff_extension", "mid_flight_extension") if name in said]
         words += [f"{_words(name)} in {_interval(*said[name])}" for name in ends]

@@ -28,6 +28,7 @@ from orbits.check_statement import statement_of
 
 ROOT = Path(__file__).parent.parent
 SECOND, STATEMENT, THEOREMS = "orbits/check_proof.py", "orbits/check_statement.py", "theorems.json"
+TREES = "orbits/check_formulas.py"
 # A limit that no proof here comes to, also on a busy machine.
 SECONDS = 600.0
 
@@ -98,8 +99,13 @@ OF_FIRST = [
 OF_SECOND = [
     ("arb_poly([*each, rest[order]])", "arb_poly(each)", ["above"], LOW),
     ("return new\n", "return rows\n", ["above"], LOW),
-    ('check_positive("that the gap stays open in flight", flight, machine.gap, at_start=3)', "pass", ["digging"]),
-    ('check_positive("that the contact pushes", contact, None, at_start=1)', "pass", ["pulling"]),
+    (
+        'check_positive("that the gap stays open in flight", flight, machine.gap, at_start=3, '
+        "at_end=2 * machine.grazes)",
+        "pass",
+        ["digging"],
+    ),
+    ('check_positive("that the contact pushes", contact, force, at_start=1)', "pass", ["pulling"]),
     ("coefficient(rate, k) / (k + 1)", "coefficient(rate, k) / (k + 2)", ["inerter"]),
     ("rounded * seeds + frame * (error * seeds)", "rounded * seeds", ["unique"]),
     ("(whole - rounded) + (back * turned) * error", "(whole - rounded)", ["unique"], SHORT_LAST),
@@ -116,14 +122,18 @@ OF_SECOND = [
     (" and all(at[each].is_finite() for each in field.needed)", "", ["quotient"]),
     ("if each > 0 or each < 0)", "if each.mid() != 0)", ["inerter", "overlap"]),
     ("sum(a != b for a, b in pairwise(rates))", "sum(a != b for a, b in pairwise(rates)) + 1", ["family"]),
-    ("number(decimal(token))", "number(Fraction(float(token)))", ["exponent"]),
     ("for y in names], rate(rate(place)))", "for y in names], ZERO)", ["knee"]),
-    ('"cos": "-sin(x)"', '"cos": "sin(x)"', ["knee"]),
     ("box in (whole, *(box for box, *_ in parts))", "box, *_ in parts", ["uncovered"]),
+]
+OF_TREES = [
+    ("number(decimal(token))", "number(Fraction(float(token)))", ["exponent"]),
+    ('"cos": "-sin(x)"', '"cos": "sin(x)"', ["knee"]),
 ]
 FAULTS = {
     "first": [Fault(each[:3], *each[3:]) for each in OF_FIRST],
-    "second": [Fault((SECOND, *each[:2]), *each[2:]) for each in OF_SECOND],
+    "second": [
+        Fault((path, *each[:2]), *each[2:]) for path, own in ((SECOND, OF_SECOND), (TREES, OF_TREES)) for each in own
+    ],
 }
 TRUE = ("inerter", "knee", "interval")
 # The false theorems that are a true one with a change, and the laws that are written into theirs.

@@ -7,26 +7,13 @@ from fractions import Fraction
 
 import pytest
 from conftest import slow_after
-from flint import arb, arb_series
+from flint import arb
 from proofs import restated
 from steps import TABLE, stepping
 
 from orbits import find, find_all, prove
-from orbits.check_proof import (
-    DEFINED,
-    MAPS,
-    SLOPES,
-    Unverified,
-    Values,
-    check,
-    in_pieces,
-    is_zero,
-    number,
-    parse,
-    quintic,
-    slope,
-    tree,
-)
+from orbits.check_formulas import in_pieces, number, tree
+from orbits.check_proof import MAPS, Values, check
 from orbits.check_statement import OutOfTime
 from orbits.io import write_json
 from problems import Chain, Hopper, Juggler, hopper_in_si, inerter_hopper
@@ -222,16 +209,6 @@ def test_states_that_may_be_on_three_pieces():
         assert abs(float(value.rad()) - width) < 1e-6
 
 
-@pytest.mark.parametrize("share", ["0", "0.3", "1"])
-def test_a_polynomial_between_rows(share):
-    """The quintic r**5 - 3 r**3 + r - 2 is the one with its own values at two rows."""
-    value = lambda r: (r**5 - 3 * r**3 + r - 2, 5 * r**4 - 9 * r**2 + 1, 20 * r**3 - 18 * r)  # noqa: E731
-    ends = [Fraction(-3, 2), Fraction(11, 10)]
-    rows = [[str(Decimal(each.numerator) / each.denominator) for each in (r, *value(r))] for r in ends]
-    r = ends[0] + Fraction(share) * (ends[1] - ends[0])
-    assert quintic(*rows, number(r)).value == value(r)[0]
-
-
 def step(kind, angle=None, law="r", family=1):
     """The proof of a wheel, rocker or shuttle."""
     return prove(find(stepping(kind, 1.0, 0.5, angle, law), family))
@@ -291,29 +268,6 @@ def test_other_false_theorems_about_steps_are_not_verified(stepped):
     assert check(repeated(document))
 
 
-def test_formulas_that_are_zero():
-    """By identities of polynomials and of functions that are odd, even or inverse at opposite arguments."""
-    names = {name: tree("name", value=name) for name in "ab"}
-    zero = lambda text: is_zero(parse(text, names, []))  # noqa: E731
-    odd = ("sin", "tan", "sinh", "tanh", "atan", "asinh", "asin", "atanh")
-    for name in odd:
-        assert zero(f"{name}(a - b) + {name}(b - a)")
-        assert not zero(f"{name}(a - b) + {name}(b - a + 1e-30)")
-        assert not zero(f"{name}(a - b) - {name}(b - a)")
-    for name in ("cos", "cosh"):
-        assert zero(f"{name}(a - b) - {name}(b - a)")
-        assert not zero(f"{name}(a - b) + {name}(b - a)")
-    for text in (
-        "(a + b)**2 - a**2 - 2*a*b - b**2",
-        "a/b*b - a",
-        "exp(a)*exp(-a) - 1",
-        "sqrt(1 + (-a)**2) - sqrt(1 + a*a)",
-    ):
-        assert zero(text)
-    for text in ("a", "exp(a) + exp(-a)", "log(a) + log(-a)", "sqrt(a) - sqrt(-a)", "sin(a) - sin(b)"):
-        assert not zero(text)
-
-
 # What the file says a second time, or says of which nothing is verified.
 SAID = {
     "alpha": ("alpha", "low", "1"),
@@ -361,64 +315,6 @@ def test_a_name_that_stands_for_two_things_is_not_verified(inerter, name):
     assert [check(each) for each in renamed] == [["a name stands for two things, or is not a name"], []]
 
 
-@pytest.mark.parametrize(
-    ("text", "value"),
-    [("-2**2", -4), ("2**-1", "1/2"), ("2**3**2", 512), ("1 - 2 - 3", -4), ("8/2/2", 2), ("-(1 + .5e1)*2", -12),
-     ("1e16 + 3 - 1e16", 3), ("+1 - -1", 2), ("lambda*is", 6),
-     ("007*3/7", 3), ("00.5 + 1e+01", "10.5"), ("\t1\n+ 01", 2)],
-)  # fmt: skip
-def test_formulas_have_the_precedence_of_arithmetic(text, value):
-    assert parse(text, {"lambda": number(2), "is": number(3)}, []).value == Fraction(value)
-
-
-@pytest.mark.parametrize(
-    "text",
-    [
-        "",
-        "1 2",
-        "r;r",
-        "r.x",
-        "f(r, 2)",
-        "f(r)",
-        "(r",
-        "r)",
-        "[r]",
-        "r**",
-        "1/0",
-        "0x10",
-        "1_0",
-        "1j",
-        "q",
-        "r//r",
-        "1e-20000000",
-        "9" * 5000,
-        "(2**65536)**65536",
-        "r**65537",
-        "0/0",
-        "1if r",
-    ],
-)
-def test_what_is_no_formula_is_refused(text):
-    with pytest.raises(Unverified):
-        parse(text, {"r": tree("name", value="r")}, [])
-
-
-@pytest.mark.parametrize("name", [*SLOPES, *DEFINED])
-def test_functions_and_their_slopes(name):
-    """Values against Arb's own, slopes against differences, and Taylor series against both."""
-    x = tree("name", value="r")
-    of = parse(f"{name}(r)", {"r": x}, [])
-    at = arb(1.375 if name == "acosh" else 0.375)
-    value, by_x = Values({x: at})[of], Values({x: at})[slope(of, "r")]
-    assert value.overlaps(getattr(at, name)())
-    step = arb(2) ** -20
-    difference = (getattr(at + step, name)() - getattr(at - step, name)()) / (2 * step)
-    assert abs(difference - by_x) < 1e-9
-    series = Values({x: arb_series([at, 1], 3)})[of]
-    assert series[0].overlaps(value)
-    assert series[1].overlaps(by_x)
-
-
 def test_the_command(orbits, tmp_path):
     path = tmp_path / "proof.json"
     assert orbits(f"prove --spring r --set x=1 --save {path}").code == 2
@@ -457,7 +353,10 @@ def test_a_hostile_file_is_out_of_time(inerter, orbits, tmp_path, hostile):
     assert "within 0.2 s of processor time" in done.err
 
 
-@pytest.mark.parametrize(("module", "lines"), [("check_proof", 1000), ("check_returns", 350), ("check_statement", 500)])
+@pytest.mark.parametrize(
+    ("module", "lines"),
+    [("check_proof", 1000), ("check_formulas", 300), ("check_returns", 350), ("check_statement", 500)],
+)
 def test_it_is_small_and_needs_nothing_of_what_proves(module, lines):
     import ast
     from pathlib import Path
@@ -469,6 +368,15 @@ def test_it_is_small_and_needs_nothing_of_what_proves(module, lines):
     tree = ast.parse(text)
     imported = {n.module for n in ast.walk(tree) if isinstance(n, ast.ImportFrom)}
     imported |= {alias.name for n in ast.walk(tree) if isinstance(n, ast.Import) for alias in n.names}
-    own = {"contextlib", "contextvars", "dataclasses", "math", "time", "check_proof", "check_statement"}
+    own = {
+        "contextlib",
+        "contextvars",
+        "dataclasses",
+        "math",
+        "time",
+        "check_formulas",
+        "check_proof",
+        "check_statement",
+    }
     standard = {"ast", "re", "collections.abc", "fractions", "functools", "itertools", "operator", "typing"}
     assert imported <= own | standard | {"flint"}

@@ -74,11 +74,10 @@ class Motion:
             found = found.union(other)
         return found
 
-    def check_positive(self, each: Derivatives, zero_at_start: int = 0, zero_at_end: bool = False) -> None:
+    def check_positive(self, each: Derivatives, zero_at_start: int = 0, zero_at_end: int = 0) -> None:
         """Prove that a function is positive inside the motion.
 
-        zero_at_start : the order of the zero that the function is known to have there
-        zero_at_end : whether it is known to have a simple zero at the end
+        zero_at_start, zero_at_end : the orders of the zeros that the function is known to have there
 
         Raises `Refuted` where it is not positive, and `Unproved` where that stays undecided.
         """
@@ -91,7 +90,7 @@ class Motion:
                         raise Refuted("it is proved to be negative") from None
             raise
 
-    def _check_pieces(self, each: Derivatives, zero_at_start: int, zero_at_end: bool) -> None:
+    def _check_pieces(self, each: Derivatives, zero_at_start: int, zero_at_end: int) -> None:
         pieces, opens = self.passage.pieces, bool(zero_at_start)
         for i, piece in enumerate(pieces):
             low, high = arb(0), piece.step.h
@@ -99,7 +98,7 @@ class Motion:
                 low = self._beginning(each, zero_at_start, piece, i == 0)
                 opens = not low < high
             if i == len(pieces) - 1 and zero_at_end:
-                high = self._ending(each, piece, low)
+                high = self._ending(each, zero_at_end, piece, low)
             if low < high:
                 self._check_between(each, piece, low, high, _most_halvings())
 
@@ -118,13 +117,14 @@ class Motion:
             until = until / 2
         raise Undecided("its sign at the beginning is not decided")
 
-    def _ending(self, each: Derivatives, piece: Piece, low: arb) -> arb:
-        """A time from which the function falls to its zero at the end."""
-        since = low
+    def _ending(self, each: Derivatives, order: int, piece: Piece, low: arb) -> arb:
+        """A time from which the first derivative that is not zero at the end has the sign of a function that falls to
+        its zero there."""
+        since, sign = low, (-1) ** order
         for _ in range(_most_halvings()):
-            if self.value(each, 1, piece, between(since, piece.step.h)) < 0:
+            if sign * self.value(each, order, piece, between(since, piece.step.h)) > 0:
                 return since
-            if self.value(each, 1, piece, piece.step.h) > 0:
+            if sign * self.value(each, order, piece, piece.step.h) < 0:
                 raise Refuted("it has the wrong sign just before the motion ends")
             since = (since + piece.step.h) / 2
         raise Undecided("its sign at the end is not decided")

@@ -105,7 +105,7 @@ def claim_of(
     places = dict(zip(states, orbit.state_mid_flight.tolist(), strict=False))
     tuned, prescribed = _tuning_of(orbit, machine, varied, tune, at)
     unknowns |= {name: machine.values[name] for name in tuned}
-    if machine.model.sticks:
+    if machine.model.runs:
         unknowns[STEP_LENGTH] = 2 * places[machine.model.sticks[0]]
     return Claim(
         machine, orbit.alpha, orbit.error, orbit.family, orbit.violations, unknowns,
@@ -126,7 +126,7 @@ def _tuning_of(
     if not isinstance(at, Mapping | None):
         raise InputError(f"at = {at!r}; it must be a mapping of quantities to values, such as at={{'speed': '0.4'}}")
     # Above a foot that stands the mean speed in flight gives no equation of half an orbit at lift-off.
-    by_equations = BY_EQUATIONS if machine.model.sticks else PRESCRIBED
+    by_equations = BY_EQUATIONS if machine.model.runs else (*PRESCRIBED, *machine.model.sticks)
     known = {name: value for name, value in orbit.prescribed.items() if name in by_equations}
     own = [name for name in orbit.tuned if name != STEP_LENGTH]
     own = own[: len(own) - (len(orbit.prescribed) - len(known))]
@@ -134,7 +134,7 @@ def _tuning_of(
     check_parameters(machine, *names)
     if both := {*names} & {*varied}:
         raise InputError(f"'{min(both)}' is tuned: it has no value of its own")
-    return (*names, *([STEP_LENGTH] if machine.model.sticks else [])), dict(known if at is None else at)
+    return (*names, *([STEP_LENGTH] if machine.model.runs else [])), dict(known if at is None else at)
 
 
 def _contradictions(claimed: Mapping[str, Any], described: Mapping[str, Any], varied: Sequence[str]) -> list[str]:

@@ -9,6 +9,7 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
+from functools import cached_property
 
 from ..mechanics import Closed, ClosedGap, Kinetics, Square
 from ..symbolic import (
@@ -97,14 +98,19 @@ class ExactMechanics:
     parameters : the expression of each name: a number, a function of the `share` of an interval, or the symbol of an
         unknown
     kinetics, closed : the kinetic energy, and that while the gap is closed; inertia : M (n, n)
-    gap : its weights (n,), exact; the largest one is 1
-    sticks : the coordinates that stick
-    independent, embed : the coordinates of the contact, and the exact matrix (n, n - 1 - sticks) from these to all
+    gap, height : its weights (n,), exact; the largest one is 1. Where it is a formula, these are of the only coordinate
+        with which it vanishes, and `height` is the formula, otherwise None
+    sticks : the coordinates that stick; `places`, those of them that stick at any place, with the unknowns of where
+    along, centre : for these, the place along the ground of the point that opens, and that of the centre of mass, None
+        where that is not known
+    independent, embed : the coordinates that move in contact, and the exact matrix (n, n - 1 - sticks) from these to
+        all; `contact`, all coordinates and rates by their symbols, as functions of s and w
     conservative, forces : (laws, n), Q and Q - C
     accelerations : (laws, n) in flight
     s, w : symbols of the coordinates of the contact and their rates
     contact_accelerations, contact_force : (laws, contact's coordinates) and (laws,) in contact, as functions of s and w
-    holding_forces : (laws, sticks), the forces on what sticks
+    holding_forces : (laws, sticks), the forces on what sticks. Under a gap that is a formula they are along the ground
+        on the point that opens, and the contact force is across it
     reversor, contact_reversor : of y and v in flight, and of s and w in contact; without stated maps both reverse time
         alone
     order, contact_order : 1 where these leave the pieces of a law in order, -1 where they are in the opposite order
@@ -129,11 +135,20 @@ class ExactMechanics:
         self.kinetics = self._kinetics()
         self.inertia = self.kinetics.matrix
         self.sticks = [stated.coordinates.index(name) for name in stated.sticks]
-        closed_gap = ClosedGap(self._gap(), tuple(self.sticks), self.y, self.v)
-        self.gap, self.independent, self.embed = closed_gap.weights, closed_gap.left, closed_gap.exact_embed
-        self.s, self.w, self.inside, self.in_contact = (
-            closed_gap.s, closed_gap.w, closed_gap.inside, closed_gap.weights_inside
-        )  # fmt: skip
+        self.gap, self.height = self._gap()
+        self.places = {stated.coordinates.index(name): unknown(name) for name, _ in stated.places}
+        self.along = [self.formula(place) for _, place in stated.places]
+        self.centre = self.formula(stated.centre) if self.places and stated.centre else None
+        held = tuple(self.sticks), self.y, self.v, tuple(self.places)
+        closed_gap = ClosedGap(self.gap, *held, self.height, tuple(self.along))
+        if self.height is not None and len(self.places) < len(self.sticks):
+            raise Unproved(f"a coordinate sticks at 0 under the gap '{stated.gap}', which is not a sum of coordinates")
+        self.independent = closed_gap.left[: closed_gap.own]
+        self.embed = [row[: closed_gap.own] for row in closed_gap.exact_embed]
+        self.s, self.w = ([each[i] for i in self.independent] for each in (self.y, self.v))
+        stays = {self.y[i]: place for i, place in self.places.items()}
+        self.inside = lambda functions: substitute(closed_gap.inside(functions), stays)
+        self.in_contact = lambda weights: closed_gap.weights_inside(weights)[: closed_gap.own]
         names = [stated.coordinates[i] for i in self.independent]
         if stated.launch not in names:
             raise Unproved(f"'{stated.launch}' is not a coordinate of the contact")
@@ -142,15 +157,19 @@ class ExactMechanics:
         self.separation = None if stated.separation is None else self.formula(stated.separation)
         self.heights = [(name, self.formula(height)) for name, height in stated.heights]
         self.pieces, self.law_domains, self.conservative = self._forces()
+        if self.pieces and any(closed_gap.weights_inside(self.pieces.weights)[closed_gap.own :]):
+            raise Unproved("a law in pieces acts along a coordinate that sticks at any place")
         centrifugal = self.kinetics.centrifugal
         self.forces = [[q - c for q, c in zip(force, centrifugal, strict=True)] for force in self.conservative]
         self.accelerations = [self.kinetics.accelerations(loads, bent=True) for loads in self.conservative]
         self.closed = Closed(self.kinetics, closed_gap)
         columns = rows_of(self.conservative, self.size)
-        self.contact_accelerations = rows_of(self.closed.accelerations(columns, bent=True), len(columns[0]))
-        self.contact_force, *holding = self.closed.forces(rows_of(self.accelerations, self.size))
+        accelerations = rows_of(self.closed.accelerations(columns, bent=True), len(columns[0]))
+        self.contact_accelerations = [substitute(row, stays) for row in accelerations]
+        forces = closed_gap.on_points(self.closed.forces(rows_of(self.accelerations, self.size)))
+        self.contact_force, *holding = (substitute(row, stays) for row in forces)
         self.holding_forces = rows_of(holding, len(columns[0]))
-        if depends_on(self.functions, [self.y[i] for i in self.sticks]):
+        if depends_on(self.functions, [self.y[i] for i in self.sticks if i not in self.places]):
             raise Unproved("the machine depends on the place of a coordinate that sticks")
         self.reversor, whole = self._reversors()
         self.contact_reversor, self.order, self.contact_order = whole.on(self.independent), 1, 1
@@ -187,17 +206,25 @@ class ExactMechanics:
             self.domains.need("the inverse of the inertia", pivot, positive=True)
         return found
 
-    def _gap(self) -> list[Fraction]:
-        """The weights (n,) of the gap; the largest one is 1."""
+    def _gap(self) -> tuple[list[Fraction], ExactExpression | None]:
+        """The weights (n,) of the gap, the largest one being 1, and its formula where it is not their sum."""
         gap = self.formula(self.stated.gap)
         weights = self.gradient(gap)
+        if not all(each.is_number for each in weights):
+            at_closed = [ZERO if i in self.sticks else substitute([gap], {y: ZERO})[0] for i, y in enumerate(self.y)]
+            closing = [i not in self.sticks and vanishes(each) for i, each in enumerate(at_closed)]
+            if closing.count(True) == 1:
+                return [Fraction(each) for each in closing], gap
         (at_zero,) = substitute([gap], dict.fromkeys(self.y, ZERO))
         if not all(each.is_number for each in weights) or not at_zero.is_(0):
-            raise Unproved(f"gap '{self.stated.gap}' is not a sum of coordinates with numbers before them")
+            raise Unproved(
+                f"gap '{self.stated.gap}' is not a sum of coordinates with numbers before them, and no formula that "
+                "vanishes with one of them alone"
+            )
         largest = max(each.value for each in weights)
         if largest <= 0:
             raise Unproved(f"gap '{self.stated.gap}' has no coordinate with a weight above 0 that could close it")
-        return [each.value / largest for each in weights]
+        return [each.value / largest for each in weights], None
 
     def _forces(self) -> tuple[ExactPieces | None, list[Domains], ExactRows]:
         """The pieces of the springs' laws, their domains, and the forces (laws, n) without those of the speeds."""
@@ -263,8 +290,9 @@ class ExactMechanics:
     @property
     def functions(self) -> Column:
         """What the motion and its conditions are functions of: the entries of inertia and forces, the extensions that
-        count and that separate, the friction, and the heights."""
-        extensions = [self.counts, *([] if self.separation is None else [self.separation])]
+        count and that separate, the friction, the heights, and places along the ground."""
+        extensions = [self.counts, *self.along]
+        extensions += [each for each in (self.separation, self.height, self.centre) if each is not None]
         extensions += [self.formula(self.stated.friction)] if self.sticks and self.stated.friction is not None else []
         return [
             *extensions,
@@ -288,7 +316,14 @@ class ExactMechanics:
                 raise Unproved(f"the gap of the {name}, {formula}, is neither the one that opens nor its image")
         if len(self.stated.gaps) > 2 or not (vanishes(again - gap) or vanishes(again + gap)):
             raise Unproved("the reversor and the symmetry do not map the closed gap to itself")
-        if not all(vanishes(whole.shifts[i]) for i in self.sticks):
+        if self.stated.grazes:
+            each = zip(back.signs, back.shifts, self.y, self.v, strict=True)
+            middle = {v if sign > 0 else y: ZERO if sign > 0 else shift / 2 for sign, shift, y, v in each}
+            rate = inner_product(self.gradient(gap), self.v)
+            if not all(map(vanishes, substitute([gap, rate], middle))):
+                raise Unproved("the gap and its rate do not vanish wherever the reversor leaves a state as it is")
+        moved = [i for i in self.places if whole.signs[i] < 0]
+        if moved or not all(vanishes(whole.shifts[i]) for i in self.sticks):
             raise Unproved(
                 "the reversor and the symmetry do not map a coordinate that sticks to the place where it sticks"
             )
@@ -298,7 +333,7 @@ class ExactMechanics:
             "the symmetry after the reversor",
             self.s,
             self.w,
-            self.closed.own.matrix,
+            [self.inside(row) for row in self.closed.own.matrix],
             [self.closed.along(self.inside(force)) for force in self.forces],
             self.in_contact(weights),
             breaks,
@@ -312,9 +347,15 @@ class ExactMechanics:
             return self.contact_force
         return self.contact_reversor.turned(self.contact_force[:: self.contact_order], self.s, self.w)
 
-    def embedded(self, s: Sequence[ExactExpression]) -> Column:
+    def embedded(self, s: Sequence[ExactExpression], rates: bool = False) -> Column:
         """All coordinates, or rates, from those of the contact."""
-        return [total(weight * x for weight, x in zip(row, s, strict=True)) for row in self.embed]
+        found = [total(weight * x for weight, x in zip(row, s, strict=True)) for row in self.embed]
+        return found if rates else [self.places.get(i, each) for i, each in enumerate(found)]
+
+    @cached_property
+    def contact(self) -> dict[ExactExpression, ExactExpression]:
+        """All coordinates and rates by their symbols, in a state of the contact."""
+        return dict(zip([*self.y, *self.v], [*self.embedded(self.s), *self.embedded(self.w, rates=True)], strict=True))
 
     def lone_extension(self) -> LoneExtension | None:
         """The extension that moves alone; None where none evidently does."""

@@ -27,6 +27,8 @@ Decimals = ExactNumber | tuple[ExactNumber, ExactNumber]
 Bounds = tuple[Fraction, Fraction]
 # A function of the coordinates and the size of an element along it: the formulas of both.
 Sized = tuple[str, str]
+# What follows the name of a coordinate that sticks in the name of its prescribed place at landing.
+AT_LANDING = "_at_landing"
 # Names with a fixed meaning in every theorem.
 OWN_NAMES = {
     *("alpha", "liftoff", "duration", "contact_duration", "flight_time", "contact_time", "liftoff_extension"),
@@ -101,7 +103,10 @@ class StatedMachine:
     counts : the extension whose stationary points count the family
     reversor, symmetry : the coordinates that are not left as they are, and what they are taken to, see `Mechanism`
     gaps : names and formulas of the gap that opens and that which closes; empty where they have no names
-    sticks : the coordinates that are 0 in contact in addition to the gap, each held there by a force
+    sticks : the coordinates that rest in contact in addition to the gap, each held there by a force: at 0, except for
+        those in `places`
+    places : the coordinates that stick at any place, and formulas of where the point that opens is along the ground
+    grazes : whether the gap vanishes in mid-flight too, to second order
     heights : names and formulas of the heights of a machine that sticks
     centre : formula of the place of the centre of mass along the ground; None where no masses move along it
     friction : formula of the coefficient of friction, which the forces on what sticks are compared with; None without
@@ -136,11 +141,14 @@ class StatedMachine:
     tuned: tuple[str, ...] = ()
     prescribed: tuple[tuple[str, Fraction], ...] = ()
     restitution: Fraction = Fraction(0)
+    places: tuple[Sized, ...] = ()
+    grazes: bool = False
 
     def with_tuned(self, tuned: Sequence[str], prescribed: Mapping[str, ExactNumber]) -> "StatedMachine":
         """This machine with parameters that are unknowns, where quantities have these values; raises `InputError` for
         values that are not decimals, and `Unproved` for a name that would stand for two things."""
-        values = tuple((name, exact_bounds(name, value)[0]) for name, value in prescribed.items())
+        at_landing = {name: f"{name}{AT_LANDING}" for name, _ in self.places}
+        values = tuple((at_landing.get(name, name), exact_bounds(name, value)[0]) for name, value in prescribed.items())
         named = {name for name, _ in values if name != STEP_LENGTH} & {*self.coordinates, *self.parameters}
         if named:
             raise Unproved(f"the name '{min(named)}' stands for a quantity of the orbit: rename it")
@@ -177,7 +185,7 @@ class StatedMachine:
         texts = [*chain(*self.masses, *self.weights, *self.inerters, *self.inertia), *self.potentials]
         texts += [each for spring in self.springs for each in (spring.extension, *spring.force, *spring.breaks)]
         texts += [self.surface_gravity, self.gravity, self.gap, self.counts, *filter(None, [self.separation])]
-        texts += [formula for _, formula in (*self.reversor, *self.symmetry, *self.gaps, *self.heights)]
+        texts += [formula for _, formula in (*self.reversor, *self.symmetry, *self.gaps, *self.heights, *self.places)]
         texts += [self.friction] if self.sticks and self.friction is not None else []
         return {name for text in texts for name in parse(text).names}
 
@@ -208,7 +216,9 @@ class StatedMachine:
             **{name: [list(each) for each in pairs] for name, pairs in self._maps.items() if pairs},
             **{name: list(each) for name, each in (("sticks", self.sticks), ("tuned", self.tuned)) if each},
             **({"prescribed": [[n, decimal_text(value)] for n, value in self.prescribed]} if self.prescribed else {}),
-            **({"centre": self.centre} if "speed" in dict(self.prescribed) else {}),
+            **({"centre": self.centre} if "speed" in dict(self.prescribed) or (self.places and self.centre) else {}),
+            **({"places": [list(each) for each in self.places]} if self.places else {}),
+            **({"grazes": True} if self.grazes else {}),
             **({"heights": [list(each) for each in self.heights]} if self.sticks else {}),
             **({"friction": self.friction} if self.sticks and self.friction is not None else {}),
             **({"restitution": decimal_text(self.restitution)} if self.restitution else {}),
@@ -232,11 +242,15 @@ class StatedMachine:
         parts += [f"the potential energy {each}" for each in self.potentials]
         parts.append(f"the acceleration of gravity ({self.surface_gravity})*({self.gravity}) at the height z")
         parts += self._gaps_in_words()
-        parts += [f"the coordinate {x}, which sticks: it is 0 in contact, held by a force of the ground"
+        at = {name: f"rests in contact, held by a force of the ground on the point that opens, at the place {place}"
+              for name, place in self.places}  # fmt: skip
+        parts += [f"the coordinate {x}, which sticks: it {at.get(x, 'is 0 in contact, held by a force of the ground')}"
                   for x in self.sticks]  # fmt: skip
         parts += [f"the height {formula} of the {name}" for name, formula in self.heights]
         if self.sticks and self.friction is not None:
             parts.append(f"the coefficient of friction {self.friction}")
+        if self.places and self.centre:
+            parts.append(f"the place {self.centre} of the centre of the masses along the ground")
         if self.separation is not None:
             parts.append(f"the separation {self.separation}")
         known = [f"{name} {range_text(bounds)}" for name, bounds in self.parameters.items() if name != free]
@@ -268,7 +282,8 @@ class StatedMachine:
         taken = {*self.coordinates, *self.parameters, *self.tuned}
         letters = chain(("x", "q", "X", "Q", "state"), map("state_{}".format, count()))
         x = next(letter for letter in letters if letter not in taken)
-        vanish = ", in which all forces of the ground vanish," if self.sticks else ""
+        forces = "the forces of the ground on the point that opens" if self.places else "all forces of the ground"
+        vanish = f", in which {forces} vanish," if self.sticks else ""
         orbit = f"A lossless orbit is launched in a state {x}{vanish} and lands in R {x}; its contact, whose"
         return f"{maps}. {orbit} coordinates are counted anew by S, leads from S R {x} to {x}. "
 
@@ -396,6 +411,8 @@ def _of_mechanism(mechanism: Mechanism, values: Mapping[str, Bounds], restitutio
         counts=text(structure.counts),
         separation=None if separation is None else text(separation),
         sticks=tuple(mechanism.sticks),
+        places=tuple((x, text(place)) for x, place in mechanism.sticks.items() if x not in mechanism.stepping),
+        grazes=mechanism.grazes,
         heights=tuple((name, text(each)) for name, each in (mechanism.heights or {}).items() if mechanism.sticks),
         centre=_centre_formula(masses) if masses and len(masses) == len(kinds[Mass]) else None,
         friction=None if mechanism.friction is None else text(mechanism.friction),

@@ -17,6 +17,7 @@ from .exact_mechanics import Column, ExactMechanics, LoneExtension, unknown
 from .exact_symmetry import ExactReversor
 from .formulas import Domain, Domains
 from .refusal import Unproved
+from .stated import AT_LANDING
 
 
 @dataclass(frozen=True)
@@ -71,9 +72,10 @@ class HalfOrbit:
         for i, coordinate in enumerate(mechanics.independent):
             name = mechanics.stated.coordinates[coordinate]
             names += ["liftoff", "alpha"] if i == mechanics.launched else [name, f"{name}'"]
-        self.names = names
+        self.names, still = names, [mechanics.stated.coordinates[i] for i in mechanics.places]
         first = ["liftoff", "alpha"]
-        self.launch_unknowns = {name: unknown(name) for name in (*first, *(n for n in names if n not in first))}
+        own = (*first, *(n for n in names if n not in first), *still)
+        self.launch_unknowns = {name: unknown(name) for name in own}
         self.places = [self.launch_unknowns[name] for name in names[::2]]
         self.rates = [self.launch_unknowns[name] for name in names[1::2]]
         self.lone = mechanics.lone_extension()
@@ -99,6 +101,8 @@ class HalfOrbit:
     @property
     def gap(self) -> ExactExpression:
         """The gap, a function of the flight state."""
+        if self.mechanics.height is not None:
+            return self.mechanics.height / self.mechanics.scale.length
         return inner_product([expression(weight) for weight in self.mechanics.gap], self.mechanics.y)
 
     @property
@@ -112,7 +116,7 @@ class HalfOrbit:
     def launch(self) -> Column:
         """The flight state at lift-off: coordinates and rates, alternating."""
         m = self.mechanics
-        return _by_turns(m.embedded(self.places), m.embedded(self.rates))
+        return _by_turns(m.embedded(self.places), m.embedded(self.rates, rates=True))
 
     @property
     def lifted(self) -> list[ExactExpression]:
@@ -132,7 +136,7 @@ class HalfOrbit:
         fall takes to the top of its parabola."""
         if self.lone is None:
             return unknown(FLIGHT_DURATION)
-        return -inner_product(self.lone.thrown, self.mechanics.embedded(self.rates)) / self.lone.fall
+        return -inner_product(self.lone.thrown, self.mechanics.embedded(self.rates, rates=True)) / self.lone.fall
 
     def statement(self, with_contact: bool) -> ExactStatement:
         """The smallest statement of half an orbit, with half of the contact or, for machines of two coordinates without
@@ -173,7 +177,10 @@ class HalfOrbit:
             return times[name]
         if name == "frequency":
             return 1 / (flight + contact)
-        if name in (STEP_LENGTH, "mean_speed") and m.sticks:
+        for i in m.places:
+            if name == f"{m.stated.coordinates[i]}{AT_LANDING}":
+                return m.scale.length * m.reversor.places(m.embedded(self.places))[i]
+        if name in (STEP_LENGTH, "mean_speed") and STEP_LENGTH in m.parameters:
             step = m.parameters[STEP_LENGTH]
             return step if name == STEP_LENGTH else step / (flight + contact)
         if name == "speed" and m.stated.centre:
@@ -211,7 +218,7 @@ class HalfOrbit:
         m, r, rate = self.mechanics, lone.place, symbol("rate of the lone extension")
         place, speed = (
             inner_product(lone.weights, m.embedded(self.places)),
-            inner_product(lone.weights, m.embedded(self.rates)),
+            inner_product(lone.weights, m.embedded(self.rates, rates=True)),
         )
         weights: tuple[Fraction, ...] = ()
         breaks: tuple[ExactExpression, ...] = ()
@@ -242,7 +249,7 @@ class HalfOrbit:
         ends = [*back.fixed(m.s, m.w), *self._off()]
         return ExactArc(
             states, rates, start, unknown(CONTACT_DURATION), [[] for _ in rates], ends, domains,
-            tuple(symbols("before", before)), weights, breaks, self.constants,
+            tuple(symbols("before", before)), weights, breaks, (*self.constants, *m.places.values()),
         )  # fmt: skip
 
     def _mirrored(
@@ -261,9 +268,8 @@ class HalfOrbit:
     def _in_contact(self, domains: Sequence[Domain]) -> list[Domain]:
         """The conditions of formulas, in the contact's states."""
         m, found = self.mechanics, Domains()
-        at = dict(zip([*m.y, *m.v], [*m.embedded(m.s), *m.embedded(m.w)], strict=True))
         for each in domains:
-            (place,) = substitute([each.place], at)
+            (place,) = substitute([each.place], m.contact)
             found.need(each.what, place, each.positive)
         return found
 

@@ -80,6 +80,17 @@ is that there are such numbers. Prescribed quantities are further equations. Fri
 force T on what sticks, mu F + T and mu F - T vanish at landing, as Rc takes F to itself and T to itself or its
 negative; both are positive inside the half contact, their first derivatives at landing too.
 
+A coordinate that sticks at any place is constant in contact: an unknown of the launch, as tuned parameters are. Rc has
+to leave it as it is. A gap may then be a formula that vanishes with one coordinate y, as at each y = 0: with y also its
+first two derivatives by time are 0 at lift-off, and its third is the slope of the gap by y times that of y. The forces
+on the point that opens, across and along the ground, follow from those on y and on what sticks by the slopes of the gap
+and of the point's place along the ground. Those on the point that has landed are these at the image of the state by Rc,
+as the two points are mirror images. If the gap grazes the ground, it is decided exactly that it and its rate vanish in
+each state that R leaves as it is; then it is positive before mid-flight if its second derivative is positive up to
+there. In flight the ground bears the weights and the masses times the accelerations of their heights, and moves the
+masses along itself, where R leaves the heights as they are and their centre too or turns it over: so these forces are
+the same in the other half, or the second its negative.
+
 Lemma 5, signs (`motion`, `proved_motion`). A function g of the states is positive where its enclosure is, also by g(m)
 + g'(T)(T - m). At lift-off the gap, its speed and its acceleration are 0: the first two as the launch is a state of the
 contact, the third by the equation of lift-off. If its third derivative is positive on [0, a], then by Taylor's formula

@@ -185,7 +185,7 @@ def _motion_sentence(stretches: Sequence[MotionStretch], along: str) -> str:
 
 def _run_in_words(run: Sequence[MotionStretch], where: str) -> str:
     family, conditions = run[0].family, run[0].conditions
-    words = words_of_conditions(run[0].piece.equations.stated.steps)
+    words = words_of_conditions(run[0].piece.equations.stated)
     proved = [words[name] for name, verdict in conditions.items() if verdict == PROVED]
     counted = [] if family is None else [f"the orbits are of family {family}"]
     if run[0].admissible:

@@ -127,7 +127,7 @@ def _joined(parts: Sequence[Proof], stated: StatedMachine) -> Proof:
     same = {part.family for part in parts}
     family = first.family if len(same) == 1 else None
     conditions = first.conditions if family is not None else {}
-    motion = motion_sentence(family, conditions, enclosures, stated.steps)
+    motion = motion_sentence(family, conditions, enclosures, stated)
     reasons = ["family: the parts are of several families"] if family is None and first.conditions else []
     side = first.bounce_side if len({part.bounce_side for part in parts}) == 1 else None
     if side is None and "loss_coefficient" in enclosures:

@@ -30,6 +30,7 @@ from .proved_existence import ProvedExistence, existence_of, flight_statement, n
 from .proved_motion import (
     CONDITIONS,
     CONDITIONS_OF_RUNS,
+    CONDITIONS_OF_STANCES,
     PROVED,
     UNDECIDED,
     Verdicts,
@@ -88,7 +89,7 @@ def whole_proof(
     which hold only for the part of an interval with the machine's own values."""
     began = time.perf_counter()
     names = [name for name in CONDITIONS if name != "separation" or stated.separation is not None]
-    names += CONDITIONS_OF_RUNS if stated.sticks else ()
+    names += (*(CONDITIONS_OF_RUNS if stated.sticks else ()), *(CONDITIONS_OF_STANCES if stated.places else ()))
 
     def attempt(digits: int | None, before: _Proved | None) -> _Proved:
         wanted = _Wanted(tuple(names) if motion else (), loss, attraction, about_claim)
@@ -113,7 +114,7 @@ def whole_proof(
     sentences = [
         stated.words(),
         root_sentence(found.unknowns, radius, bool(stated.wide), stated),
-        motion_sentence(verdicts.family, verdicts.conditions, verdicts.enclosures, stated.steps),
+        motion_sentence(verdicts.family, verdicts.conditions, verdicts.enclosures, stated),
     ]
     if verdicts.loss and not reasons:
         sentences.append(loss_sentence(enclosures["loss_coefficient"], verdicts.loss.bounce_side))

@@ -10,13 +10,13 @@ from ..symbolic import ExactExpression, substitute, vanishes
 from .attraction import Attraction
 from .loss import Loss
 from .proved_existence import widened_enclosure
-from .sticking_friction import check_friction
+from .sticking_friction import check_friction, check_stance
 
 NO_CONTACT = "the contact of the orbit does not end, so nothing can be proved"
 PROVED, REFUTED, UNDECIDED = "proved", "refuted", "undecided"
 CONDITIONS = ("clearance", "separation", "contact_force", "contact_end")
-# Those of machines that stick besides.
-CONDITIONS_OF_RUNS = ("heights", "friction")
+# Those of machines that stick besides, and of those of them that stand in flight too.
+CONDITIONS_OF_RUNS, CONDITIONS_OF_STANCES = ("heights", "friction"), ("stance",)
 
 
 @dataclass(frozen=True)
@@ -54,6 +54,7 @@ def motion_conditions(half: HalfOrbit, flight: Motion, contact: Motion | None, n
         "contact_force": lambda: _check_force(half, _contact_that_ends(contact)),
         "contact_end": lambda: _check_end(half, _contact_that_ends(contact)),
         "heights": lambda: _check_heights(half, flight, contact),
+        "stance": lambda: check_stance(half, flight),
         "friction": lambda: check_friction(half, _contact_that_ends(contact)),
     }
     return verdicts_of({name: checks[name] for name in names})
@@ -90,13 +91,14 @@ def _about(point: str) -> Iterator[None]:
 def _check_gaps(half: HalfOrbit, flight: Motion, contact: Motion | None) -> None:
     """The gap and its speed are 0 at lift-off, as the launch is a contact state; its acceleration is 0, as the
     contact force vanishes there. In the other half of the flight the gap is as that which closes at landing is in this
-    half; where that is another one, it is also positive in contact."""
+    half; where that is another one, it is also positive in contact. One that grazes the ground has a zero of second
+    order in mid-flight, since it and its rate vanish in each state that the reversor leaves as it is."""
     laws, (opens, lands), landing = len(flight.leg.rates), half.mechanics.stated.points, half.landing_gap
     gap = flight.chain([half.gap] * laws, 3)
     if not flight.first(gap, 2).contains(0):
         raise Unproved("the gap's acceleration does not vanish with the contact force")
     with _about(opens):
-        flight.check_positive(gap, zero_at_start=3)
+        flight.check_positive(gap, zero_at_start=3, zero_at_end=2 if half.mechanics.stated.grazes else 0)
     if landing is not None:
         with _about(lands):
             flight.check_positive(flight.chain([landing] * laws, 1))
@@ -106,7 +108,7 @@ def _check_gaps(half: HalfOrbit, flight: Motion, contact: Motion | None) -> None
 def _check_in_contact(half: HalfOrbit, contact: Motion, function: ExactExpression) -> None:
     """Prove that a function of the flight state is positive in both halves of the contact."""
     m = half.mechanics
-    (inside,) = substitute([function], dict(zip(m.y, m.embedded(m.s), strict=True)))
+    (inside,) = substitute([function], m.contact)
     for each in dict.fromkeys([inside, *m.contact_reversor.turned([inside], m.s, m.w)]):
         contact.check_positive(contact.chain([each] * len(contact.leg.rates), 1))
 
@@ -155,4 +157,4 @@ def _check_end(half: HalfOrbit, contact: Motion) -> None:
         value = contact.first(contact.chain([middle] * laws, 0), 0)
         if value.contains(0):
             raise Unproved("the contact may begin in its middle")
-        contact.check_positive(contact.chain([middle if value > 0 else -middle] * laws, 1), zero_at_end=True)
+        contact.check_positive(contact.chain([middle if value > 0 else -middle] * laws, 1), zero_at_end=1)

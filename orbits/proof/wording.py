@@ -24,9 +24,25 @@ CONDITIONS_OF_STEPS = {
 }
 
 
-def words_of_conditions(steps: bool) -> dict[str, str]:
-    """The statements of conditions, of machines that may land on another point than opens or others."""
-    return CONDITIONS_IN_WORDS | (CONDITIONS_OF_STEPS if steps else {})
+# The same of machines that stand on one point in flight, and on two in contact.
+CONDITIONS_OF_STANCES = {
+    "friction": "on each point the force along the ground is below the coefficient of friction times that across it "
+    "throughout the open contact, and so are their derivatives where both vanish",
+    "stance": "in flight the force of the ground across it, the sum of the weights and of the masses times the "
+    "accelerations of their heights, is positive, and times the coefficient of friction above that along it, the sum "
+    "of the masses times the acceleration of their centre",
+}
+GRAZES = (
+    "the gap is open throughout the open flight except for its middle, where it vanishes to second order: there the "
+    "point passes the ground tangentially and without a force"
+)
+
+
+def words_of_conditions(stated: StatedMachine) -> dict[str, str]:
+    """The statements of conditions about a machine."""
+    steps = CONDITIONS_OF_STEPS if stated.steps else {}
+    stances = CONDITIONS_OF_STANCES if stated.places else {}
+    return CONDITIONS_IN_WORDS | steps | stances | ({"clearance": GRAZES} if stated.grazes else {})
 
 
 def enclosed_words(enclosures: Mapping[str, Enclosure]) -> str:
@@ -61,10 +77,10 @@ def equations_words(unknowns: Mapping[str, Enclosure]) -> str:
 
 
 def motion_sentence(
-    family: int | None, conditions: Mapping[str, str], enclosures: Mapping[str, Enclosure], steps: bool = False
+    family: int | None, conditions: Mapping[str, str], enclosures: Mapping[str, Enclosure], stated: StatedMachine
 ) -> str:
     """The sentence on the motion."""
-    words = words_of_conditions(steps)
+    words = words_of_conditions(stated)
     proved = [words[name] for name, verdict in conditions.items() if verdict == "proved"]
     counted = [] if family is None else [f"it is of family {family}"]
     extensions = enclosed_words({name: each for name, each in enclosures.items() if name.endswith("_extension")})

@@ -182,7 +182,8 @@ TABLE = StatedSpring("body - foot", ("2",), rows=(("-1", "-1", "1", "0"), ("0", 
 @pytest.mark.parametrize(
     ("changes", "reason"),
     [
-        ({"gap": "foot + foot**3"}, "is not a sum of coordinates"),
+        ({"gap": "foot + body**3"}, "is not a sum of coordinates"),
+        ({"gap": "foot*body"}, "no formula that vanishes with one of them alone"),
         ({"gap": "foot - 1/8"}, "is not a sum of coordinates"),
         ({"gap": "-foot"}, "has no coordinate with a weight above 0 that could close it"),
         ({"masses": (("body", "2"), ("foot", "body"))}, "mass 'body' depends on coordinates"),
