@@ -22,18 +22,7 @@ from orbits.symbolic import parse, suggest
 from orbits.units import STANDARD_GRAVITY
 
 from ..laws import gravity as gravities, springs
-from ..machines import (
-    KINDS,
-    MASSES,
-    SAME_IN_SI,
-    SI_KEYS,
-    SI_KEYS_OF_STEPS,
-    SI_PARAMETERS,
-    STEPPING,
-    AnyMachine,
-    MachineInSI,
-    build,
-)
+from ..machines import KINDS, MASSES, SI_KEYS, SI_KEYS_OF_STEPS, SI_PARAMETERS, STEPPING, AnyMachine, MachineInSI, build
 
 # A machine passed to `explore` that no statement makes.
 PYTHON_MACHINE = "given"
@@ -315,8 +304,8 @@ class Scene:
         """The complete scene of a machine that steps."""
         free = (*(() if self.si else ("angle",)), *OPTIONAL_OF_STEPS)  # without units no angle is for small ones
         own, in_spring = BEGINNINGS[self.machine, self.si]["numbers"], _names_in(self.spring)
-        if self.machine in SAME_IN_SI:
-            free = (*OPTIONAL.get(self.machine, ()), *(() if self.si else OPTIONAL_WITHOUT_UNITS))
+        if self.machine in OPTIONAL:
+            free = (*OPTIONAL[self.machine], *(() if self.si else OPTIONAL_WITHOUT_UNITS))
             if in_spring.pop("stiffness", None) is None and self.spring.replace(" ", "") != LINEAR_IN_SI:
                 own, free = ({n: own[n] for n in own if n != "stiffness"}, tuple(n for n in free if n != "stiffness"))
         needed = {name: value for name, value in own.items() if name not in free}
