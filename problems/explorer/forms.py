@@ -15,7 +15,6 @@ from orbits.errors import InputError
 from ..laws import HYSTERETIC_KINDS
 from ..machines import MASSES, RATIOS, SAME_IN_SI, SI_KEYS, SI_KEYS_OF_STEPS, STEPPING
 from .scene import (
-    BEGINNINGS,
     LARGEST,
     LINEAR_IN_SI,
     LOSSES,
@@ -171,7 +170,7 @@ def _scene_of_steps(
         defaults = {name: each.default for name, each in signature(STEPPING[machine]).parameters.items()}
         usual = {name: defaults[name] for name in SI_KEYS_OF_STEPS[machine] if isinstance(defaults[name], float)}
         numbers |= {name: value for name, value in (usual | dict(si)).items() if (name, value) != ("slope", 0.0)}
-    law = spring or BEGINNINGS[machine, si is not None]["spring"]
+    law = spring or beginning(machine, si is not None).spring
     return with_surroundings(Scene(machine, si is not None, law, numbers=numbers, family=family).complete())
 
 

@@ -215,6 +215,8 @@ class Scene:
         known = (*KINDS, *STEPPING, *WITH_FIXED_LAWS, PYTHON_MACHINE)
         if self.machine not in known:
             raise InputError(f"unknown machine {str(self.machine)[:40]!r}{suggest(str(self.machine)[:40], known)}")
+        if self.steps and (self.machine, self.si) not in BEGINNINGS:
+            raise InputError(f"the page does not show a {self.machine}, whose numbers are tuned: call find(tune=)")
         for name in ("spring", "gravity"):
             text = getattr(self, name)
             if not isinstance(text, str) or len(text) > LARGEST.law:
@@ -367,10 +369,7 @@ def beginning(machine: str, si: bool = False) -> Scene:
     """The scene that the page begins with for a kind of machine."""
     if machine in WITH_FIXED_LAWS:
         return with_surroundings(scene_with_fixed_laws(_with_its_own_laws(machine), machine))
-    if (machine, si) not in BEGINNINGS:
-        known = (*KINDS, *STEPPING, *WITH_FIXED_LAWS)
-        raise InputError(f"unknown machine {machine[:40]!r}{suggest(machine[:40], known)}")
-    return Scene(machine, si, **BEGINNINGS[machine, si])
+    return Scene(machine, si, **BEGINNINGS.get((machine, si), {}))  # which refuses one that the page does not show
 
 
 def scene_with_fixed_laws(machine: Machine, name: str = PYTHON_MACHINE) -> Scene:

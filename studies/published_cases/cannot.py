@@ -5,8 +5,6 @@ from .sources import (
     COLEMAN,
     GALPERIN,
     GARCIA,
-    GOMES_2005,
-    GOMES_2011,
     KODITSCHEK,
     MCGEER,
     MCNAMARA,
@@ -18,9 +16,7 @@ from .sources import (
 MISSING = (
     Missing("Conservative gaits of hoppers and bipeds", RAFF, "a foot without mass, which lands without an impact"),
     Missing("Spring-mass running", SEYFARTH, "a leg without mass, whose angle is set anew in flight"),
-    Missing("Two-legged walking without loss", GOMES_2011, "a swing foot that passes the ground in mid-step"),
-    Missing("Simplest walker as one machine", GARCIA, "a swing foot that passes the ground in mid-step"),
-    Missing("Swinging between handholds without loss", GOMES_2005, "a hand that catches a point in two directions"),
+    Missing("Simplest walker as one machine", GARCIA, "a swing foot that passes below the ground in mid-step"),
     Missing("Walkers with round feet", MCGEER, "a foot that rolls, so that the point of contact moves"),
     Missing("Rimless wheel that leans and turns", COLEMAN, "motions out of one plane"),
     Missing(

@@ -27,11 +27,6 @@ GARCIA = (
     "M. Garcia, A. Chatterjee, A. Ruina and M. Coleman, The simplest walking model: stability, complexity, and "
     "scaling, J. Biomech. Eng. 120 (1998) 281-288"
 )
-GOMES_2005 = (
-    "M. W. Gomes and A. L. Ruina, A five-link 2D brachiating ape model with life-like zero-energy-cost motions, "
-    "J. Theor. Biol. 237 (2005) 265-278"
-)
-GOMES_2011 = "M. Gomes and A. Ruina, Walking model with no energy cost, Phys. Rev. E 83 (2011) 032901"
 HOLMES = (
     "P. J. Holmes, The dynamics of repeated impacts with a sinusoidally vibrating table, J. Sound Vib. 84 (1982) "
     "173-189"

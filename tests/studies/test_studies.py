@@ -63,6 +63,7 @@ from studies import (
     tolerances,
     tutorial,
     walker,
+    walker_two_legs,
 )
 from studies.oracle import by_another_integrator
 from studies.paper import printed
@@ -85,7 +86,7 @@ STUDIES = {
             figure_5,
         ),
         *(figure_8, gravity_families, inerter, knee, period_four, plate, robot_leg, rocker, runner, series),
-        *(held_hops, spring_families, start_up, theorems, tolerances, tutorial, walker),
+        *(held_hops, spring_families, start_up, theorems, tolerances, tutorial, walker, walker_two_legs),
     )
 }
 # Those that have no quick mode.
@@ -644,6 +645,23 @@ def test_runner(tmp_path):
     assert numbers["friction 0.1"][3.7] == pytest.approx(0.25404979012958, rel=1e-11)
     assert numbers["end 3.7"] == ("reached", 0.5)
     assert (tmp_path / "runner.gif").stat().st_size > 5_000  # of four instants
+
+
+@pytest.mark.slow
+def test_walker_two_legs(tmp_path):
+    """Walks that two other programs found; the one in SI is that in legs; a damper works as a sum over times does."""
+    numbers = walker_two_legs.main(tmp_path, quick=True)
+    assert numbers["end, legs of 0.1"] == ("reached", pytest.approx(0.31))
+    walk, heavy = numbers["walks"]["legs of 0.1"], numbers["in SI"]
+    assert walk.half_stance == pytest.approx(2.3901085903795560, abs=1e-11)
+    assert heavy.step == pytest.approx(2 * 0.9 * np.sin(0.3), rel=1e-12)
+    assert heavy.mean_speed / np.sqrt(9.80665 * 0.9) == pytest.approx(0.10912879026238445, rel=1e-9)
+    t = (np.arange(20_000) + 0.5) / 20_000 * walk.period
+    _, lean, _, angle, _, torso = walk(t).T
+    work = np.mean((torso - lean - angle) ** 2 + (torso - lean + angle) ** 2) * walk.period
+    work *= np.sqrt(2 * walk.tuned["hip_stiffness"] * walk.tuned["torso_inertia"])
+    assert numbers["costs"]["legs of 0.1"] == pytest.approx(work / walk.step, rel=1e-5)
+    assert (tmp_path / "walker_two_legs.gif").stat().st_size > 5_000
 
 
 @pytest.mark.slow

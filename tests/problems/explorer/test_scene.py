@@ -5,7 +5,17 @@ from dataclasses import replace
 import pytest
 
 from orbits import InputError
-from problems import Hopper, Juggler, alternating_hopper, hopper_in_si, inerter_hopper, rocking_block, runner, shuttle
+from problems import (
+    Hopper,
+    Juggler,
+    alternating_hopper,
+    hopper_in_si,
+    inerter_hopper,
+    rocking_block,
+    runner,
+    shuttle,
+    walker,
+)
 from problems.command.options import first_scene
 from problems.explorer import beginning
 from problems.explorer.scene import scene_of_machine
@@ -80,5 +90,8 @@ def test_the_command_lines_machine_is_what_the_page_begins_with(tmp_path):
     balanced = first_scene(machine=f"{tmp_path}/machine.toml").build()
     assert balanced.describe() == shuttle(0.5, 0.5, 20.0, 0.3).describe()
     assert first_scene(machine="runner") == beginning("runner")
+    for refused in (lambda: first_scene(machine="walker"), lambda: scene_of_machine(walker())):
+        with pytest.raises(InputError, match=r"call find\(tune=\)"):
+            refused()
     with pytest.raises(InputError, match="without a value"):
         first_scene(machine=None, spring="r + c*r**3")
