@@ -104,7 +104,7 @@ class Symbols:
     def flight_guards(self) -> Mapping[str, ca.Function]:
         """What is above 0 during a flight."""
         model, x, length = self.model, self.states["x"], self.unit(LENGTH)
-        found = {"landing": model.landing_gap_of(self.named)}
+        found = {"landing": (model.height_of if model.grazes else model.landing_gap_of)(self.named)}
         if model.landing_gap is not None:
             found["fall back"] = model.gap(self.named)
         if apart := model.separation(self.named):
@@ -142,15 +142,17 @@ class Symbols:
     def landed(self, x: Scalars) -> list[Algebraic]:
         """The flight state after an impact in the flight state x, in whose labels the machine stands."""
         model = self.model
-        placed = [0.0 if name in model.sticks else part for name, part in zip(model.flight.states, x, strict=True)]
+        zero = model.sticks if model.runs else ()
+        placed = [0.0 if name in zero else part for name, part in zip(model.flight.states, x, strict=True)]
         return model.landed(placed, self.named, self.vectors["e"])
 
     def resets(self) -> Mapping[str, ca.Function]:
         """The states after events."""
         model, x, label = self.model, self.states["x"], self.model.relabelling
-        standing = label.image(x, self.named)
-        found = {"landing": self.state("landing", self.landed(standing), "xpe")}
-        if model.landing_gap is not None:
+        # The point that lands beside a standing one is caught in the labels of before.
+        caught = label.image(self.landed(x), self.named) if model.grazes else self.landed(label.image(x, self.named))
+        found = {"landing": self.state("landing", caught, "xpe")}
+        if model.landing_gap is not None or model.grazes:
             found["fall back"] = self.state("fall_back", self.landed(x), "xpe")
         found["lift-off"] = self.function("lift_off", self.embedding(self.vectors["y"]), "yp", "x_after")
         if model.changes_contact:
@@ -166,7 +168,7 @@ class Symbols:
         onto = [self.vectors["x"][model.flight.states.index(name)] for name in model.contact.states]
         gradient = model.flight_gradient(x, named, self.data["x"])
         by_energy = [part * self.unit(ENERGY) / size for part, size in zip(gradient, self.sizes["x"], strict=True)]
-        standing = model.relabelling.image(x, named)
+        standing = x if model.grazes else model.relabelling.image(x, named)
         lost = model.lost_at(standing, named) * self.unit(ENERGY)
         heights = enumerate(model.heights(named).items())
         height = self.unit(LENGTH)

@@ -33,16 +33,17 @@ class CasadiMachine:
     flight, contact : (x, p) -> x' and (y, p) -> y', the vector fields of the two phases
     flight_guards : by name, (x, p) -> a number that is above 0 during a flight: "landing" is the gap that closes at
         landing, "fall back", of a machine that steps, the gap of the point that opened last, and "separation" the
-        distance within the machine, where it is stated
+        distance within the machine, where it is stated. Of a point that passes the ground in mid-flight "landing" is
+        the height, which is 0 there too
     contact_guards : by name, (y, p) -> a number that is above 0 during a contact: "lift-off" is the contact force;
         of a machine that steps "step back" is the force on the point that landed, and "standing gap" the gap of the
         point that lands next; "separation" is as in flight
     resets : by the name of the guard that vanishes, the state after the event. "landing" and "fall back" are
-        (x, p, e) -> x, an impact after which the gap's speed is -e times that before, and what sticks is at rest at
-        the place 0; where the contact force then presses and e = 0 or the speed is 0, contact follows, from the state
-        `onto_contact(x)`. "lift-off" and "step back" are (y, p) -> x. "hand-over" is (x, p) -> x, a landing with a
-        speed of a machine that stands on one point at all times. After a landing and a step back the labels are those
-        of the point that then stands, see `relabelling`
+        (x, p, e) -> x, an impact after which the gap's speed is -e times that before, and what sticks is at rest, at
+        the place 0 unless the motion depends on it; where the contact force then presses and e = 0 or the speed is 0,
+        contact follows, from the state `onto_contact(x)`. "lift-off" and "step back" are (y, p) -> x. "hand-over" is
+        (x, p) -> x, a landing with a speed of a machine that stands on one point at all times. After a landing and a
+        step back the labels are those of the point that then stands, see `relabelling`
     onto_flight, onto_contact : y -> x and x -> y, the embedding of contact states into flight states and its inverse
     energy, contact_energy : (x, p) and (y, p) -> the energy, counted from rest with the springs unloaded; Gauss
         quadrature along straight ways from there, exact to rounding for laws that are polynomials, also in pieces

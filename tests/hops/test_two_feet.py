@@ -105,6 +105,37 @@ def test_a_step_that_loses_energy_is_that_of_rods(more, caught, kinds):
         np.testing.assert_allclose(state[:, :, 2], angles_and_rates(event.after, standing), rtol=0, atol=1e-9)
 
 
+def test_casadi_lands_as_simulations_do():
+    """The reset of a landing with both feet, the one that lets the old foot go, and the loss."""
+    design, launch, _ = WALKS[1]
+    machine = walker(**design)
+    functions = machine.casadi()
+    run = simulate(machine, {"alpha": launch["alpha"] + 0.005, "angle": launch["angle"]}, hops=1)
+    resets, (first, *_, last, _) = functions.resets, run.events
+    np.testing.assert_allclose(resets["hand-over"](first.before, functions.values).full().T[0], first.after, atol=1e-13)
+    np.testing.assert_allclose(resets["landing"](last.before, functions.values, 0).full().T[0], last.after, atol=1e-12)
+    assert float(functions.landing_loss(last.before, functions.values)) == pytest.approx(last.loss, abs=1e-14)
+    assert float(functions.flight_guards["landing"](run(1.0), functions.values)) > 0
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("more", [-0.001, 0.005])
+def test_multipliers_of_a_step_with_losses(more):
+    """Both legs are caught, or one is let go, comes down again, and the other one lifts off at once."""
+    design, launch, _ = WALKS[1]
+    machine, change = walker(**design), 1e-6
+    section = LaunchSection(impacts_of(machine))
+    found = multipliers(machine, [launch["alpha"] + more, launch["angle"]])
+
+    def after(moved):
+        run = simulate(machine, section.unknowns_of(section.launch(found.launch + moved)), hops=1)
+        return np.array([*machine.model.launch_at(run.events[-1].after).values()])[1:]
+
+    columns = [(after(each) - after(-each)) / (2 * change) for each in change * np.eye(2)]
+    np.testing.assert_allclose(np.transpose(columns), found.matrix, rtol=1e-6)
+    assert found.loses
+
+
 @pytest.mark.slow
 def test_multipliers_are_those_of_simulated_steps():
     """Differences of a tangential landing have errors in the powers 1/3 and 2/3 of the change, which are removed."""
