@@ -720,7 +720,7 @@ def test_brachiator(tmp_path):
     # Where the arms are level, the shoulder is as high as the bar; arms without mass leave a pendulum.
     assert heavier.events[0].point["angle"] == pytest.approx(np.pi / 2, rel=1e-9)
     assert slowest.column("half_swing")[-1] == pytest.approx(1.5 * np.pi, abs=0.1)
-    assert (tmp_path / "brachiator.gif").stat().st_size > 5_000
+    assert (tmp_path / "brachiator.gif").stat().st_size > 3_000
 
 
 @pytest.mark.slow
