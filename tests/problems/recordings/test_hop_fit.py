@@ -30,7 +30,8 @@ def test_finds_the_leg_that_hopped(channels):
 
 
 def test_without_noise_finds_it_exactly():
-    found = recordings.fit(START, bench.record(*three_hops(), ("body height", "foot height"), 1e-9), NAMES)
+    record = bench.record(*bench.hops(1.5, 1, 250.0), ("body height", "foot height"), 1e-9)
+    found = recordings.fit(START, record, NAMES)
     assert found.values == pytest.approx(bench.TRUTH, rel=1e-5)
 
 
