@@ -72,11 +72,14 @@ def check_stance(half: HalfOrbit, flight: Motion) -> None:
     """In flight the force of the ground across it is positive, and times mu above that along it in magnitude. In the
     other half these forces are the same, except for the sign of the second, as the masses are at images of their
     places, with the same accelerations."""
-    forces = ground_forces(half.mechanics)
-    flight.check_positive(flight.chain([across for across, _ in forces], 1))
-    mu = _coefficient(half)
-    for sign in (1, -1):
-        flight.check_positive(flight.chain([mu * across + sign * along for across, along in forces], 1))
+    forces, mu = ground_forces(half.mechanics), _coefficient(half)
+    functions = [("the force on what stands", [across for across, _ in forces])]
+    functions += [("friction on what stands", [mu * a + sign * b for a, b in forces]) for sign in (1, -1)]
+    for what, each in functions:
+        try:
+            flight.check_positive(flight.chain(each, 1))
+        except (Unproved, Refuted) as error:
+            raise type(error)(f"{what}: {error}") from None
 
 
 def ground_forces(m: ExactMechanics) -> list[Column]:

@@ -29,8 +29,8 @@ CONDITIONS_OF_STANCES = {
     "friction": "on each point the force along the ground is below the coefficient of friction times that across it "
     "throughout the open contact, and so are their derivatives where both vanish",
     "stance": "in flight the force of the ground across it, the sum of the weights and of the masses times the "
-    "accelerations of their heights, is positive, and times the coefficient of friction above that along it, the sum "
-    "of the masses times the acceleration of their centre",
+    "accelerations of their heights, is positive, and times the coefficient of friction above the size of that along "
+    "it, the sum of the masses times the acceleration of their centre",
 }
 GRAZES = (
     "the gap is open throughout the open flight except for its middle, where it vanishes to second order: there the "
