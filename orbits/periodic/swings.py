@@ -50,7 +50,7 @@ OWN = (
 class SwingOptions(NamedTuple):
     """How swings are searched for."""
 
-    releases: tuple[int, ...] = (400, 48, 12)  # along each number of a release, where there are one, two or more
+    releases: tuple[int, ...] = (400, 32, 12)  # along each number of a release, where there are one, two or more
     reach: float = 3.0  # of a predicted swing, in distances of the grid
     steps: float = 2.0  # of a predicted time, in steps of the motion
     windows: int = 8  # of the longest time, at whose ends a motion has a step too
