@@ -127,11 +127,21 @@ class SmallSteps:
         flight, contact = self._at(here.tuned)
         if not holds or here.flight > _longest(flight):
             return None
+        if (first := self._first_middle(contact, here)) < here.contact:
+            again = abs(near.contact - first) > SMALL_STEPS.near * first
+            return self.solved(here._replace(contact=first), tuned) if again else None
         rows = np.vstack([self.conditions(flight, here.flight), self.middle(contact, here.contact)])
         rounded = np.finfo(float).eps * (np.abs(rows) @ np.abs(here.launch)) + np.abs(found.fun)
         inverse = np.linalg.inv(approx_fprime(found.x, residual))[2 + len(free) :]
         sizes = np.linalg.svd(rows / np.linalg.norm(rows, axis=1)[:, None])[1]
         return here._replace(misfit=float((np.abs(inverse) @ rounded).max()), sizes=tuple(sizes.tolist()))
+
+    def _first_middle(self, contact: Array, step: SmallStep) -> float:
+        """The time at which a step first comes to mid-contact, or its own where it does so then."""
+        times = step.contact * np.linspace(0, 1, SMALL_STEPS.times // 4)[1:-1]
+        signs = np.sign([self.middle(contact, time)[0] @ step.launch for time in times])
+        changes = np.flatnonzero(signs[1:] != signs[:-1])
+        return float(times[changes[0]]) if len(changes) else step.contact
 
     def _at(self, tuned: Mapping[str, float]) -> tuple[Array, Array]:
         """The matrices of flight and contact with tuned numbers."""
