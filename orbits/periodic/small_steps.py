@@ -33,7 +33,8 @@ class SmallStepOptions(NamedTuple):
     rounding: float = 1e-13  # of the unknowns
     residual: float = 1e-10  # of conditions that hold
     near: float = 0.1  # logarithm of the change of a tuned number to a walk that is near
-    shortest_way: float = 0.05  # share of the way to a prescribed walk: of shorter steps other small steps come first
+    certain: float = 0.03  # to one that needs no comparison with others
+    attempts: int = 10  # that may fail on the way from small steps to a walk
     factors: tuple[float, ...] = (1.0, 0.5, 2.0, 0.1)  # of the first tuned number, where small steps are searched
     same: float = 1e-6  # share by which the times of two families differ
     designs: tuple[int, int] = (8, 3)  # values of two parameters from which branch points are searched

@@ -36,6 +36,7 @@ METHOD = "half orbit"
 class TunedOptions(NamedTuple):
     """When tuned numbers cannot be followed to the prescribed values, and when an orbit does not determine them."""
 
+    most: int = 10000  # attempts that may fail on the way
     shortest_way: float = 1e-4  # share of the way: with a shorter step the orbit cannot be followed there
     # A corrector that changes an unknown by a larger share of its size may have jumped to another orbit.
     corrected: float = 0.03
@@ -251,11 +252,9 @@ def prescribed_value(machine: Machine, name: str, u: Mapping[str, float]) -> flo
     )
 
 
-def solve_tuned(
-    machine: Machine, tuning: Tuning, u: Mapping[str, float], shortest_way: float = TUNED.shortest_way
-) -> Solved:
+def solve_tuned(machine: Machine, tuning: Tuning, u: Mapping[str, float], most: int = TUNED.most) -> Solved:
     """The solution of the equations with tuned parameters to which the way leads from an orbit of the machine, the
-    unknowns of its half by name, in shares of it that are not shorter than `shortest_way`; raises `NoOrbit` where it
+    unknowns of its half by name, in which at most `most` attempts fail; raises `NoOrbit` where it
     does not lead to the prescribed values."""
     names = tuple(tuning.values)
     equations = tuned_equations(machine, tuning.names, names)
@@ -267,7 +266,7 @@ def solve_tuned(
         [own if value is None else value for own, value in zip(here, tuning.values.values(), strict=True)]
     )
     x = np.array([start[name] for name in equations.statement.unknowns])
-    return Solved.of(machine.model, METHOD, _along_way(machine, equations, x, names, here, targets, shortest_way))
+    return Solved.of(machine.model, METHOD, _along_way(machine, equations, x, names, here, targets, most))
 
 
 def _along_way(
@@ -277,7 +276,7 @@ def _along_way(
     prescribed: Sequence[str],
     here: np.ndarray,
     there: np.ndarray,
-    shortest_way: float,
+    most: int,
 ) -> NodedSolution:
     """The solution as prescribed quantities go from their values `here` (k,) to those `there`."""
     names, own, places = [*prescribed], machine.values, list(map(equations.parameters.index, prescribed))
@@ -307,8 +306,8 @@ def _along_way(
                 tuned = ", ".join(f"{name} = {value:.6g}" for name, value in tuned_values(equations, found.u).items())
                 raise over.reached(f"on the way to {text(1.0)} it reached {text(reached)}, with {tuned}") from None
             except (NoOrbit, FlowError, InputError) as error:
-                step = min(step, 1 - reached) / 2
-                if step < shortest_way:
+                step, most = min(step, 1 - reached) / 2, most - 1
+                if step < TUNED.shortest_way or not most:
                     at, wanted = (dict(zip(names, p[places].tolist(), strict=True)) for p in (p_at(reached), p_at(1.0)))
                     raise _no_way(equations, found.u, at, wanted, tangent[len(x) - len(found.u) :], error) from None
         reached, step = share, 2 * step

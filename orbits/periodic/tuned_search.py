@@ -93,17 +93,19 @@ def _solved_from(machine: Machine, tuning: Tuning, known: Any) -> Solved:
 
 
 def _walk_near(machine: Machine, tuning: Tuning) -> Solved:
-    """The first walk to which one of the small steps leads that is a motion, and whose tuned numbers are near those of
-    the machine; or else the nearest, motions first. Raises `NoOrbit` where there is none."""
+    """The walk to which one of the small steps leads whose tuned numbers are nearest to those of the machine, a motion
+    where there is one. Raises `NoOrbit` where there is none."""
     from .small_steps import SMALL_STEPS, small_steps  # SciPy takes long to import
 
     found, ranks, reason = list[Solved](), list[tuple[bool, float]](), None
     for starts in small_steps(machine.model, dimensionless(machine).values, tuning.names):
         for start in starts:
             try:
-                solved = solve_tuned(machine, tuning, start, SMALL_STEPS.shortest_way)
+                solved = solve_tuned(machine, tuning, start, SMALL_STEPS.attempts)
                 certificates, _ = certified(solved)
             except TimeOver:
+                if found:
+                    break
                 raise
             except (NoOrbit, FlowError) as error:
                 reason = reason or error
@@ -112,9 +114,9 @@ def _walk_near(machine: Machine, tuning: Tuning) -> Solved:
             far = max((abs(np.log(abs(x / machine.values[name]))) for name, x in values), default=0.0)
             found.append(solved)
             ranks.append((certificates is None or bool(certificates.certificates[0].violations), far))
-            if ranks[-1] <= (False, SMALL_STEPS.near):
+            if ranks[-1] <= (False, SMALL_STEPS.certain):
                 return solved
-        if ranks and not min(ranks)[0]:
+        if ranks and min(ranks) <= (False, SMALL_STEPS.near):
             break
     if found:
         return found[min(range(len(ranks)), key=ranks.__getitem__)]
