@@ -55,7 +55,7 @@ def steps_of_run(run: "Simulation", t: np.ndarray) -> np.ndarray:
     return np.array([getattr(leg, "stance", 0) for leg in run.legs])[np.maximum(legs, 0)]
 
 
-class Stepping(NamedTuple):
+class Outlined(NamedTuple):
     """What outlines need of a machine: its drawing, its coordinates, and its parameters, the step (k,) so far, on
     average, among them."""
 
@@ -64,11 +64,10 @@ class Stepping(NamedTuple):
     values: Mapping[str, Any]
 
 
-def stepping(orbit: "Orbit") -> Stepping:
-    """The machine of an orbit, with its step."""
-    machine: Any = orbit.source
-    step = {} if orbit.step is None else {STEP_LENGTH: orbit.step}
-    return Stepping(machine.drawing, machine.coordinates, {**machine.values, **step})
+def outlined(machine: Any, step: Any) -> Outlined:
+    """A machine with the step of an orbit or a simulation, None for one without."""
+    own = {} if step is None else {STEP_LENGTH: step}
+    return Outlined(machine.drawing, machine.coordinates, {**machine.values, **own})
 
 
 def labelled(result: Any, t: np.ndarray) -> tuple[Any, np.ndarray, np.ndarray]:
@@ -76,14 +75,17 @@ def labelled(result: Any, t: np.ndarray) -> tuple[Any, np.ndarray, np.ndarray]:
     numbers of landings (k,)."""
     machine = result.source
     if hasattr(result, "contact_time"):
-        return stepping(result) if drawing_of(machine) else machine, result(t), landings_of(result, t)
+        own = machine if result.step is None else outlined(machine, result.step)
+        return own, result(t), landings_of(result, t)
     if machine.model.runs:  # each step of a simulation has a length of its own
         return machine, result.unrolled(t), np.zeros(len(t), int)
     steps = steps_of_run(result, t)
     if not machine.model.sticks:
         return machine, result(t), steps
-    so_far = result.footholds_at(t) / np.where(steps == 0, 1, steps)
-    return Stepping(machine.drawing, machine.coordinates, {**machine.values, STEP_LENGTH: so_far}), result(t), steps
+    steps = np.where(
+        steps == 0, 2, steps
+    )  # after a step ahead and one behind, too, it has its labels, but not its place
+    return outlined(machine, result.footholds_at(t) / steps), result(t), steps
 
 
 def cycles_shown(orbit: "Orbit") -> int:
@@ -91,7 +93,7 @@ def cycles_shown(orbit: "Orbit") -> int:
     drawing = drawing_of(orbit.source)
     if orbit.contact_time is None or not (drawing and drawing.onward):
         return 1
-    return 2 if comes_back(drawing, stepping(orbit).values) else DRAWN.cycles_onward
+    return 2 if comes_back(drawing, outlined(orbit.source, orbit.step).values) else DRAWN.cycles_onward
 
 
 def plane_paths(machine: Any, states: np.ndarray, landings: np.ndarray) -> list[PlanePath]:
@@ -175,7 +177,7 @@ def motion_in_plane(orbit: "Orbit") -> PlaneMotion | None:
     machine: Any = orbit.source
     if (drawing := drawing_of(machine)) is None or orbit.contact_time is None:
         return None
-    machine = stepping(orbit)
+    machine = outlined(machine, orbit.step)
     advance = np.zeros(2) if comes_back(drawing, machine.values) else _after_landing(drawing, machine.values)[1]
     cycles = _cycles_alike(orbit, advance)
     t = np.linspace(0, cycles * orbit.period, cycles * DRAWN.times_of_cycle)

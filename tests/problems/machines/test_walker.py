@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from orbits import InputError, find, follow
+from orbits import InputError, find, follow, simulate
 from orbits.show.plane import labelled, plane_paths
 from problems import walker
 from problems.machines.walker import UNITS_OF_WALKER
@@ -59,6 +59,14 @@ def test_each_leg_has_its_colour_and_stands_still_where_it_landed(known):
     for leg in (first, second):
         assert np.linalg.norm(np.diff(leg.points, axis=1), axis=2) == pytest.approx(1.0)
     assert np.linalg.norm(centre.points - path.points, axis=2) == pytest.approx(walk.source.values["torso_height"])
+
+
+def test_a_simulation_is_drawn_as_the_walk_is(known):
+    walk, *_ = known
+    run = simulate(walk.source, walk, hops=2)
+    t = np.linspace(0, run.end, 50)
+    for simulated, own in zip(plane_paths(*labelled(run, t)), plane_paths(*labelled(walk, t)), strict=True):
+        assert simulated.points == pytest.approx(own.points, abs=1e-5)
 
 
 def test_the_bodies_for_simulators_move_as_it_is_drawn(known, tmp_path):
