@@ -176,13 +176,10 @@ def small_steps_near(model: Model, p: Mapping[str, float], tuned: Sequence[str])
 
 def small_steps(model: Model, p: Mapping[str, float], tuned: Sequence[str]) -> Iterator[list[dict[str, float]]]:
     """The unknowns of half orbits by name, with tuned numbers, where families of walks begin: first the ones near the
-    numbers `p`, in the order of their distance, then others. Where less than two numbers are tuned, the steps satisfy
-    the conditions nearly."""
+    numbers `p`, in the order of their distance, then others. Without any, or where less than two numbers are tuned, the
+    steps satisfy the conditions nearly."""
     places, known = model.launch_places, list[SmallStep]()
-    if len(tuned) < 2:
-        yield [_start(each, places) for each in SmallSteps(model, p).guesses()]
-        return
-    for factor in SMALL_STEPS.factors:
+    for factor in SMALL_STEPS.factors if len(tuned) > 1 else ():
         solved = small_steps_near(model, {**p, tuned[0]: factor * p[tuned[0]]}, tuned[:2])
         ways = [max(abs(np.log(abs(x / p[name]))) for name, x in each.tuned.items()) for each in solved]
         new = list[SmallStep]()
@@ -191,6 +188,8 @@ def small_steps(model: Model, p: Mapping[str, float], tuned: Sequence[str]) -> I
                 new.append(solved[i])
         known += new
         yield [_start(each, places) for each in new]
+    if not known:
+        yield [_start(each, places) for each in SmallSteps(model, p).guesses()]
 
 
 def _start(step: SmallStep, places: Mapping[str, int]) -> dict[str, float]:
