@@ -144,8 +144,8 @@ def follow(
         arguments must be the same
     progress : called with the completed share of the parameter's range
 
-    Of a machine with a `Grip` the family is a `SwingFamily`, which leads from the fastest swing, or from the one near a
-    start.
+    Of a machine with a `Grip` the family is a `SwingFamily`, which leads from the fastest swing at the first value, or
+    from the one near a start, to the last value.
 
     Returns the `Family`, whose `end` says how it ended; a curve that is lost is "stuck", with the reason. Raises
     `NoOrbit` if there is no first orbit, and `InputError` for invalid arguments. Source: pseudo-arclength continuation,

@@ -32,9 +32,10 @@ class Grip:
         reversor turns the coordinate to its negative, or its place. The other one of the two is 0
     step : the distance of two holds, a formula of the numbers of the release
     clearance : the distance of the free grip from what it takes hold of, which must not vanish within a swing, a
-        formula of the coordinates
+        formula of the coordinates in `places`
     longest : the longest half of a swing that is searched
 
+    Nobody checks that the mirror image of a release is the same release with the grips' names exchanged.
     """
 
     places: Mapping[str, Scalar]
@@ -69,7 +70,7 @@ def refuse_misheld(m: Any, known: set[str]) -> None:
         raise InputError(f"grip: there is no coordinate '{unknown[0]}'{suggest(unknown[0], m.coordinates)}")
     ends = [end for pair in grip.release.values() for end in pair]
     allowed = [(each, {*grip.release}) for each in (*grip.places.values(), grip.step)]
-    allowed += [(grip.clearance, {*m.coordinates}), *((each, set()) for each in (*ends, grip.longest))]
+    allowed += [(grip.clearance, {*grip.places}), *((each, set()) for each in (*ends, grip.longest))]
     for text, own in allowed:
         if callable(text) or (wrong := sorted(names_in(text) - own - known)):
             why = "is a Python function" if callable(text) else f"has '{wrong[0]}'"
