@@ -56,7 +56,8 @@ def pytest_configure(config):
 def pytest_addoption(parser):
     text = "run each test with the first and the last of its parameters alone"
     parser.addoption("--few-of-each", action="store_true", help=text)
-    parser.addoption("--code", metavar="FOLDER", help="keep machine code in this folder for the next tests")
+    text = "keep machine code in this folder for the next tests; write --code=FOLDER, as pytest takes FOLDER for a test"
+    parser.addoption("--code", metavar="FOLDER", help=text)
 
 
 @pytest.hookimpl(trylast=True)
