@@ -51,7 +51,8 @@ def recorded(machine: Machine, rules: Rules, hops: Flown, launch: float | None, 
             name, step = impacts.feet[int(arc.foot[0])].name, int(arc.landed.step[0])
             end, lost = end + float(arc.landed.wait[0]), float(arc.landed.loss[0])
             foothold, stance = foothold + impacts.footing.moved(before, after), stance + step
-            if step and impacts.descends:  # on a slope the next foot stands lower
+            let_go = impacts.model.grazes and arc.landed.order[0] == 1  # whose loss is that of all of the energy
+            if step and impacts.descends and not let_go:  # on a slope the next foot stands lower
                 label = impacts.model.relabelling
                 other = (label.inverse if step > 0 else label)(after, impacts.values)
                 lost += float(-np.diff(impacts.energies(np.array([other, after])))[0])

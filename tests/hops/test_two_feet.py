@@ -1,11 +1,14 @@
 """Simulations of walkers, which stand on one foot and then on both, against motions and impacts of rods on pins."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from orbits import InputError, multipliers, simulate
 from orbits.hops.impacts import impacts_of
 from orbits.hops.launch_section import LaunchSection
+from orbits.mechanics import Damper
 from problems import walker
 from tests.rods import on_two_legs, point
 
@@ -116,6 +119,21 @@ def test_casadi_lands_as_simulations_do():
     np.testing.assert_allclose(resets["landing"](last.before, functions.values, 0).full().T[0], last.after, atol=1e-12)
     assert float(functions.landing_loss(last.before, functions.values)) == pytest.approx(last.loss, abs=1e-14)
     assert float(functions.flight_guards["landing"](run(1.0), functions.values)) > 0
+
+
+@pytest.mark.slow
+def test_a_damped_walk_loses_energy_at_each_event():
+    """Without a reversor: the gap closes from the other side all the same."""
+    design, launch, _ = WALKS[1]
+    free = walker(**design)
+    damped = replace(free, elements=[*free.elements, Damper("2*angle", "1e-5")], reversor=None)
+    first = free.model.embed @ LaunchSection(impacts_of(free)).launch([launch["alpha"] + 0.004, launch["angle"]])
+    run, impacts = simulate(damped, state=first, hops=1), impacts_of(damped)
+    assert [event.kind for event in run.events] == ["impact", "impact", "landing", "lift-off"]
+    for event in run.events:
+        before, after = impacts.energies(np.array([event.before, event.after]))
+        assert event.loss == pytest.approx(before - after, abs=1e-13)
+    assert (np.diff([event.energy for event in run.events]) < 0).all()
 
 
 @pytest.mark.slow
