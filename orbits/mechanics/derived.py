@@ -2,11 +2,23 @@
 
 from dataclasses import replace
 from functools import lru_cache, partial
-from typing import Any
+from typing import Any, NamedTuple
+
+import numpy as np
 
 from ..errors import InputError
 from ..laws import Parameters
-from ..model import STEP_LENGTH, Model, search_of_steps
+from ..model import (
+    CONTACT_FORCE,
+    HOLDING_FORCE,
+    LANDED_FORCE,
+    LANDED_HOLDING,
+    NORMAL_FORCE,
+    STEP_LENGTH,
+    TANGENTIAL_FORCE,
+    Model,
+    search_of_steps,
+)
 from ..running import exclusive
 from .carried_weight import carried_weight
 from .coordinates import Coordinates
@@ -21,6 +33,16 @@ from .structure import Structure
 from .terms import GRAVITY_SHARE, Gravity
 
 
+class RandomStates(NamedTuple):
+    """Where forces are compared."""
+
+    states: int = 4
+    same: float = 1e-9  # share of all forces to which sums agree
+
+
+AT_RANDOM = RandomStates()
+
+
 @exclusive
 @lru_cache(maxsize=64)
 def derived_model(structure: Structure) -> Model:
@@ -30,7 +52,7 @@ def derived_model(structure: Structure) -> Model:
     if mechanics.conservative:
         _needs_odd_tables(s)
     launch = launch_of(mechanics, parts.alone, parts.words["liftoff"], dict(s.rest).get(parts.launched, 0.0))
-    linear = Linear.of(mechanics, steps, parts.reactions)
+    linear = Linear.of(mechanics, steps, parts.reactions) if mechanics.gap.height is None else None
     # The motion of one extension alone leads to orbits where nothing damps or drives it. Under gravity that varies it
     # is the motion in the scene of the guess only, so that there is a guess and no reduction.
     moves_alone = launch is not None and launch.reduction and mechanics.conservative and not s.actuators and not steps
@@ -84,6 +106,31 @@ def derived_model(structure: Structure) -> Model:
         usual, counted = launch.relative.search, len({*steps.reversor.signs}) == 1 and steps.reversible
         model = replace(model, search=(lambda p: search_of_steps(model, usual(p), p)) if counted else None)
     return model
+
+
+@exclusive
+@lru_cache(maxsize=64)
+def refuse_points(structure: Structure) -> None:
+    """Raise `InputError` where a machine stands on two points whose forces do not add up to those of the ground, as its
+    masses need them; compared at random places, rates and numbers."""
+    contact, rng = derived_model(structure).contact, np.random.default_rng(0)
+    if LANDED_HOLDING not in contact.watch or NORMAL_FORCE not in contact.watch or contact.pieces:
+        return
+    sums = {NORMAL_FORCE: (CONTACT_FORCE, LANDED_FORCE), TANGENTIAL_FORCE: (HOLDING_FORCE, LANDED_HOLDING)}
+    for _ in range(AT_RANDOM.states):
+        p = dict(zip(structure.parameters, rng.uniform(0.3, 0.6, len(structure.parameters)), strict=True))
+        x = rng.uniform(0.1, 0.5, len(contact.states)).tolist()
+        with np.errstate(all="ignore"):
+            seen = {name: float(force(x, p, [])) for name, force in contact.watch.items()}
+        size = sum(map(abs, seen.values()))
+        if np.isfinite(size) and any(
+            abs(seen[n] - seen[a] - seen[b]) > AT_RANDOM.same * size for n, (a, b) in sums.items()
+        ):
+            raise InputError(
+                f"the forces on both points of the {structure.name} do not add up to that of the ground: the gap must "
+                "be the height of the point that lands, sticks= must state its place along the ground, and no element "
+                "may be fixed to the ground"
+            )
 
 
 @exclusive

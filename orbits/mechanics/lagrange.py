@@ -265,6 +265,9 @@ def closed_gap(
         return ClosedGap([Fraction(0)] * c.size, (), c.y, c.v)
     held, free = (tuple(map(c.names.index, each)) for each in (sticks, anywhere))
     along = tuple(map(c.scalar, sticks.values()))
+    for i, (name, place) in zip(held, sticks.items(), strict=True):
+        if vanishes(derivative_by(c.scalar(place), c.y[i])):
+            raise InputError(f"sticks: '{place}' does not change with '{name}'; state its place along the ground")
     if (weights := c.weights(expression)) is None:
         height = c.scalar(expression)
         closing = [i for i in range(c.size) if i not in held and _closes(height, c.y[i])]

@@ -30,7 +30,7 @@ from ..running import exclusive, exclusive_property
 from ..symbolic import suggest
 from ..units import ANGLE, FORCE, LENGTH, TORQUE, Dimension, Units, unit_text
 from .bodies import Body, refuse_misbuilt
-from .derived import derived_launch, derived_model, linear_equations, refuse_uneven_tables
+from .derived import derived_launch, derived_model, linear_equations, refuse_points, refuse_uneven_tables
 from .dimensions import dimensions_of_parameters, length_or_angle
 from .drawing import Drawing, refuse_misdrawn
 from .elements import Element, Scalar, Spring, expressions_of, names_in
@@ -350,6 +350,7 @@ class Mechanism(Stated):
             model = derived_model(self.structure)
             if not model.plain:
                 refuse_uneven_tables(self.structure, self.parameters)
+                refuse_points(self.structure)
         except InputError as error:
             hints = (hint_of_coordinate(name, self.coordinates) for name in self._missing)
             raise InputError("; ".join([str(error), *filter(None, hints)])) from error

@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     )
     from .model import (
         CONTACT_FORCE,
+        HOLDING_FORCE,
         LANDED_FORCE,
         LANDED_HOLDING,
         STEP_LENGTH,

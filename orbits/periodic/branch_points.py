@@ -43,7 +43,7 @@ class BranchPoint:
     """A design at which runs branch off the vertical hop, to both sides, or walks off the machine at rest.
 
     machine : with the values of the branch point
-    values, errors : of the two searched parameters by name, and bounds on their errors
+    values, errors : of the two searched parameters by name, and bounds on their errors, or estimates where walks begin
     hop : the vertical hop, certified as an orbit of `machine.upright()`; None of a machine that walks
     direction : the lateral unknowns of a launch, by name, per unit of the speed of the centre of mass in flight; of a
         walk, all of them per unit of what sticks, at landing
@@ -151,15 +151,15 @@ def _where_walks_begin(machine: Machine, ranges: Mapping[str, tuple[float, float
             direction = {name: float(step.launch[place]) for name, place in model.launch_places.items()}
             times = {"duration": float(step.flight), "contact_duration": float(step.contact)}
             own = machine.with_values(**step.tuned)
-            small = {name: SMALL_STEPS.size * value for name, value in direction.items()}
-            each = float(step_of(model, {**small, **times}, own.values)) / SMALL_STEPS.size
-            errors = dict.fromkeys(step.tuned, step.misfit)
-            found.append(
-                BranchPoint(own, step.tuned, errors, None, direction, each, 1, step.sizes[-2] / step.sizes[0], times)
-            )
+            small = {name: SMALL_STEPS.tiny * value for name, value in direction.items()}
+            each = float(step_of(model, {**small, **times}, own.values)) / SMALL_STEPS.tiny
+            nullity = sum(size < BRANCH_POINTS.rank * step.sizes[0] for size in step.sizes)
+            share = step.sizes[-1 - nullity] / step.sizes[0]
+            found.append(BranchPoint(own, step.tuned, step.errors, None, direction, each, nullity, share, times))
     if not found:
         box = " and ".join(f"{name} from {low:g} to {high:g}" for name, (low, high) in ranges.items())
-        raise NoOrbit(f"no walk of a {model.name} begins with {box}")
+        tried = int(np.prod(SMALL_STEPS.designs))
+        raise NoOrbit(f"no walk of a {model.name} that begins with {box} is found from {tried} designs")
     return tuple(sorted(found, key=lambda point: tuple(point.values.values())))
 
 

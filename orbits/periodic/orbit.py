@@ -224,13 +224,14 @@ class Orbit(
 
     @property
     def half_stance(self) -> float | None:
-        """Half the time for which a machine with limbs stands on one foot, or hangs by one hand; None for others."""
-        return self.flight_time / 2 if self.shape.segments else None
+        """Half the time for which a machine with limbs stands on one foot; None for others."""
+        stands = self.shape.segments and self.certificate.smallest_stance_force is not None
+        return self.flight_time / 2 if stands else None
 
     @property
     def half_double_stance(self) -> float | None:
         """Half the time for which a machine with limbs stands on both; None for others, and where that never ends."""
-        return self.contact_time / 2 if self.shape.segments and self.contact_time else None
+        return self.contact_time / 2 if self.half_stance and self.contact_time else None
 
     @property
     def rates(self) -> list[float] | None:

@@ -12,6 +12,7 @@ of all small sizes, to first order: there a family begins.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
+from types import MappingProxyType
 from typing import NamedTuple
 
 import casadi as ca
@@ -30,15 +31,18 @@ class SmallStepOptions(NamedTuple):
     longest: float = 6.0  # times of the phases, in units of the inverse of the least rate of growth or oscillation
     times: int = 400  # at which the conditions are compared
     size: float = 0.02  # of what sticks, where a walk begins
+    tiny: float = 1e-7  # of it, where all is linear
     rounding: float = 1e-13  # of the unknowns
     residual: float = 1e-10  # of conditions that hold
-    near: float = 0.1  # logarithm of the change of a tuned number to a walk that is near
+    near: float = 0.1  # change of a tuned number to a walk that is near, as a share
     certain: float = 0.03  # to one that needs no comparison with others
     attempts: int = 10  # that may fail on the way from small steps to a walk
+    seconds: float = 8.0  # of processor time for it
+    steady: float = 1e-9  # share of the largest rate below which one is 0
     factors: tuple[float, ...] = (1.0, 0.5, 2.0, 0.1)  # of the first tuned number, where small steps are searched
     same: float = 1e-6  # share by which the times of two families differ
     designs: tuple[int, int] = (8, 3)  # values of two parameters from which branch points are searched
-    slower: float = 0.1  # logarithm of a tuned number's change for which a slower walk is tried before a faster one
+    slower: float = 0.1  # change of a tuned number for which a slower walk is tried before a faster one
 
 
 SMALL_STEPS = SmallStepOptions()
@@ -50,8 +54,9 @@ class SmallStep(NamedTuple):
     flight, contact : half the times
     launch : (k,), in contact states, in which what sticks is at -1
     tuned : the tuned numbers by name
-    misfit : how well the conditions hold, or an estimate of the error of the tuned numbers
+    misfit : how well the conditions hold
     sizes : the singular values of the conditions of the launch
+    errors : estimates of the errors of the tuned numbers, by name
     """
 
     flight: float
@@ -60,6 +65,7 @@ class SmallStep(NamedTuple):
     tuned: dict[str, float]
     misfit: float
     sizes: tuple[float, ...] = ()
+    errors: Mapping[str, float] = MappingProxyType({})
 
 
 class SmallSteps:
@@ -133,9 +139,13 @@ class SmallSteps:
             return self.solved(here._replace(contact=first), tuned) if again else None
         rows = np.vstack([self.conditions(flight, here.flight), self.middle(contact, here.contact)])
         rounded = np.finfo(float).eps * (np.abs(rows) @ np.abs(here.launch)) + np.abs(found.fun)
-        inverse = np.linalg.inv(approx_fprime(found.x, residual))[2 + len(free) :]
+        try:
+            inverse = np.linalg.inv(approx_fprime(found.x, residual))[2 + len(free) :]
+        except np.linalg.LinAlgError:
+            return None
         sizes = np.linalg.svd(rows / np.linalg.norm(rows, axis=1)[:, None])[1]
-        return here._replace(misfit=float((np.abs(inverse) @ rounded).max()), sizes=tuple(sizes.tolist()))
+        errors = dict(zip(tuned, (np.abs(inverse) @ rounded).tolist(), strict=True))
+        return here._replace(misfit=float(np.abs(found.fun).max()), sizes=tuple(sizes.tolist()), errors=errors)
 
     def _first_middle(self, contact: Array, step: SmallStep) -> float:
         """The time at which a step first comes to mid-contact, or its own where it does so then."""
@@ -152,7 +162,13 @@ class SmallSteps:
 
 def _longest(flight: Array) -> float:
     """The longest half time of a flight with this matrix that is searched."""
-    return SMALL_STEPS.longest / float(np.abs(np.linalg.eigvals(flight)).min())
+    rates = np.abs(np.linalg.eigvals(flight))
+    return SMALL_STEPS.longest / float(rates[rates > SMALL_STEPS.steady * rates.max()].min())
+
+
+def change(value: float, before: float) -> float:
+    """The change of a number, as a share of both."""
+    return 2 * abs(value - before) / (abs(value) + abs(before)) if value != before else 0.0
 
 
 @cached
@@ -181,7 +197,7 @@ def small_steps(model: Model, p: Mapping[str, float], tuned: Sequence[str]) -> I
     places, known = model.launch_places, list[SmallStep]()
     for factor in SMALL_STEPS.factors if len(tuned) > 1 else ():
         solved = small_steps_near(model, {**p, tuned[0]: factor * p[tuned[0]]}, tuned[:2])
-        ways = [max(abs(np.log(abs(x / p[name]))) for name, x in each.tuned.items()) for each in solved]
+        ways = [max(change(x, p[name]) for name, x in each.tuned.items()) for each in solved]
         new = list[SmallStep]()
         for i in sorted(range(len(solved)), key=lambda i: ways[i] + SMALL_STEPS.slower * i):
             if not any(np.isclose(solved[i].flight, other.flight, rtol=SMALL_STEPS.same) for other in (*known, *new)):

@@ -270,6 +270,7 @@ def follow_swings(
     begin, last = finite_number("start", begin), finite_number("stop", last)
     if begin == last:
         raise InputError(f"{along} goes from {begin:g} to {last:g}: choose another stop")
+    machine.with_values(**{along: last})  # refuses a value that no machine has
     machine = machine.with_values(**{along: begin})
     curve = SwingCurve(machine, along, max(abs(begin), abs(last - begin)))
     x = _near(curve, find_swings(machine, start)[0])

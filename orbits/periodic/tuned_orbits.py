@@ -156,6 +156,8 @@ def _check_value(machine: Machine, name: str, value: float) -> None:
     """Raise `InputError` where no orbit has this value of a quantity, so that no search begins."""
     model, known = machine.model, PRESCRIBED.get(name)
     positive = bool(known and known.positive) or (name == "alpha" and model.relative is not None)
+    if name in model.sticks and value == 0:
+        raise InputError(f"at '{name}' = 0: there the {model.name} rests; prescribe a value that is not 0")
     never_negative = positive or name in NEVER_NEGATIVE or name.endswith(RISE)
     if (value < 0 and never_negative) or (value == 0 and positive):
         bound = "above 0" if positive else "at least 0"

@@ -11,7 +11,7 @@ import numpy as np
 from ..errors import FlowError, InputError, NoOrbit
 from ..model import STEP_LENGTH, Machine, dimensionless
 from ..result import Progress
-from ..running import TimeOver
+from ..running import TimeOver, part_limit
 from ..shooting import method_of
 from ..units import without_units
 from .certification import Solved, certified, certified_orbit
@@ -95,23 +95,22 @@ def _solved_from(machine: Machine, tuning: Tuning, known: Any) -> Solved:
 def _walk_near(machine: Machine, tuning: Tuning) -> Solved:
     """The walk to which one of the small steps leads whose tuned numbers are nearest to those of the machine, a motion
     where there is one. Raises `NoOrbit` where there is none."""
-    from .small_steps import SMALL_STEPS, small_steps  # SciPy takes long to import
+    from .small_steps import SMALL_STEPS, change, small_steps  # SciPy takes long to import
 
     found, ranks, reason = list[Solved](), list[tuple[bool, float]](), None
     for starts in small_steps(machine.model, dimensionless(machine).values, tuning.names):
         for start in starts:
             try:
-                solved = solve_tuned(machine, tuning, start, SMALL_STEPS.attempts)
-                certificates, _ = certified(solved)
+                with part_limit(SMALL_STEPS.seconds):
+                    solved = solve_tuned(machine, tuning, start, SMALL_STEPS.attempts)
+                    certificates, _ = certified(solved)
             except TimeOver:
-                if found:
-                    break
                 raise
             except (NoOrbit, FlowError) as error:
                 reason = reason or error
                 continue
             values = tuned_values(solved.equations, solved.us[0]).items()
-            far = max((abs(np.log(abs(x / machine.values[name]))) for name, x in values), default=0.0)
+            far = max((change(x, machine.values[name]) for name, x in values), default=0.0)
             found.append(solved)
             ranks.append((certificates is None or bool(certificates.certificates[0].violations), far))
             if ranks[-1] <= (False, SMALL_STEPS.certain):

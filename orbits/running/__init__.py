@@ -10,6 +10,6 @@ if TYPE_CHECKING:
     from .exclusive import CHECK_INTERVAL, LOCK, apart, exclusive, exclusive_property, in_threads, threads
     from .heartbeat import LOGGER, running
     from .interrupts import heed
-    from .time_limit import TimeOver, check_time, default_limit, time_left, time_limit, time_to_finish
+    from .time_limit import TimeOver, check_time, default_limit, part_limit, time_left, time_limit, time_to_finish
 
 __all__ = [*public_names(__name__)]

@@ -111,6 +111,13 @@ def _until(seconds: float, clock: str, text: str) -> Iterator[None]:
 
 
 @contextmanager
+def part_limit(seconds: float) -> Iterator[None]:
+    """Limit the processor time of one part of a search, which raises `NoOrbit` then."""
+    with _until(seconds, "thread_time", f"{seconds:g} s of processor time"):
+        yield
+
+
+@contextmanager
 def time_to_finish() -> Iterator[None]:
     """No limit for what has to be done after a limit is reached, to hand back what was found; it is short."""
     before = _limits.deadlines

@@ -71,6 +71,16 @@ def brachiator(
     if missing:
         raise InputError(f"a brachiator in SI needs {', '.join(missing)}: only one without units has default values")
     own["surface_gravity"] = 1.0 if surface_gravity is None and not in_si else gravity_in_si(surface_gravity)
+    for name in ("mass", "arm_length", "arm_mass", "surface_gravity"):
+        if not own[name] > 0:
+            raise InputError(f"{name} = {own[name]:g}; for a brachiator it must lie above 0")
+    if not own["arm_mass"] < own["mass"] / 2:
+        raise InputError(f"arm_mass = {own['arm_mass']:g}; it must be below half the mass {own['mass']:g} of the whole")
+    if not 0 <= own["arm_centre"] <= own["arm_length"]:
+        raise InputError(
+            f"arm_centre = {own['arm_centre']:g}; it must lie from 0, at the shoulder, to arm_length = "
+            f"{own['arm_length']:g}, at the hand"
+        )
     own |= {} if arm_inertia is None else {"arm_inertia": number("arm_inertia", arm_inertia)}
     inertia, angles, release = ROD if arm_inertia is None else "arm_inertia", ["held", "free"], {"angle": ("0", "pi")}
     moved, body = dict.fromkeys(angles, inertia), SHOULDER

@@ -104,6 +104,12 @@ def walker(
         raise InputError(
             f"leg_mass = {own['leg_mass']:g}; it must lie above 0 and below half the mass {own['mass']:g} of the whole"
         )
+    if own["leg_centre"] > own["leg_length"]:
+        raise InputError(
+            f"leg_centre = {own['leg_centre']:g}; it must be at most leg_length = {own['leg_length']:g}, at the foot"
+        )
+    if not own["torso_inertia"] + own["torso_height"]:
+        raise InputError("torso_inertia = 0, torso_height = 0: the torso has no inertia; state one of them above 0")
     own |= {"surface_gravity": gravity} | ({} if friction is None else {"friction": number("friction", friction)})
     known = with_parameters(own, parameters)
     torque = as_spring(spring, known, shared=True)

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from orbits import InputError, find, find_all
+from orbits import InputError, find, find_all, follow
 from problems import brachiator
 from problems.machines import build, read
 
@@ -139,8 +139,10 @@ def test_a_file_states_it(tmp_path):
 @pytest.mark.parametrize(
     ("numbers", "why"),
     [
-        ({"arm_mass": 0.5}, "mass - 2\\*arm_mass = 0: the mass"),
-        ({"arm_mass": -0.1}, "arm_mass = -0.1: the mass"),
+        ({"arm_mass": 0.5}, "arm_mass = 0.5; it must be below half the mass 1"),
+        ({"arm_mass": -0.1}, "arm_mass = -0.1; for a brachiator it must lie above 0"),
+        ({"arm_length": -1.0}, "arm_length = -1; for a brachiator it must lie above 0"),
+        ({"arm_centre": 2.0}, "arm_centre = 2; it must lie from 0"),
         ({"arm_inertia": -1.0}, "the inertia of coordinate"),
         ({"in_si": True, "mass": 10.0}, r"needs arm_mass \(kg\)"),
     ],
@@ -148,3 +150,8 @@ def test_a_file_states_it(tmp_path):
 def test_refused_numbers(numbers, why):
     with pytest.raises(InputError, match=why):
         brachiator(**numbers)
+
+
+def test_a_family_goes_to_no_machine_that_cannot_be():
+    with pytest.raises(InputError, match=r"mass - 2\*arm_mass = -0\.4"):
+        follow(brachiator(), "arm_mass", 0.7)

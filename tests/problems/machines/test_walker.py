@@ -1,9 +1,12 @@
 """A walker against published equations that were solved elsewhere, closed forms, and its conditions integrated here."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
-from orbits import InputError, find, follow, simulate
+from orbits import InputError, NoOrbit, find, follow, simulate
+from orbits.mechanics import Spring
 from orbits.show.plane import labelled, plane_paths
 from problems import walker
 from problems.machines.walker import UNITS_OF_WALKER
@@ -99,3 +102,47 @@ def test_its_numbers_in_si_have_units():
     assert forces == {"smallest_contact_force": "N", "landing_jerk": "m/s^3", "half_stance": "s"}
     with pytest.raises(InputError, match="a walker in SI needs mass"):
         walker(9.0, 0.35, 0.6, 0.1, 15.0, 180.0, in_si=True)
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"gap": "-leg_length*sin(lean)*sin(angle)"},  # half the height
+        {"gap": "-2*leg_length*sin(lean)*sin(angle)*(2 + cos(torso))"},
+        {"sticks": ["angle"]},
+        {"sticks": {"angle": "4*leg_length*cos(lean)*sin(angle)"}},
+        {"elements": [*walker().elements, Spring("leg_length*sin(lean + angle)", "0.02*r")]},  # to a wall
+    ],
+)
+def test_points_whose_forces_are_not_those_of_the_ground_are_refused(change):
+    with pytest.raises(InputError, match="the forces on both points of the walker do not add up"):
+        _ = replace(walker(), **change).model
+
+
+@pytest.mark.parametrize(
+    ("numbers", "telling"),
+    [
+        ({"leg_centre": 2.0}, "leg_centre = 2; it must be at most leg_length = 1"),
+        ({"torso_inertia": 0.0}, "the torso has no inertia"),
+    ],
+)
+def test_more_numbers_of_no_walker_are_refused(numbers, telling):
+    with pytest.raises(InputError, match=telling):
+        walker(**numbers)
+
+
+def test_walks_that_are_none_are_refused_at_once():
+    with pytest.raises(InputError, match="at 'angle' = 0: there the walker rests"):
+        find(walker(), tune=TUNE, at={"angle": 0.0})
+    with pytest.raises(InputError, match="'leg_length' does not change with 'angle'"):
+        _ = replace(walker(), sticks={"angle": "leg_length"}).model
+    with pytest.raises(NoOrbit, match="no small steps of a walker"):
+        find(walker(hip_stiffness=0.0), tune=TUNE, at={"angle": 0.3})
+
+
+def test_numbers_that_are_0_may_be_tuned():
+    walk = find(
+        walker(torso_inertia=0.418, hip_stiffness=0.392), tune=("leg_spring", "hip_stiffness"), at={"angle": 0.3}
+    )
+    assert walk.admissible
+    assert sum(walk.tuned.values()) > 0.39
