@@ -12,6 +12,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
+
 from ..errors import InputError
 from ..laws import Algebraic, Parameters
 from ..symbolic import suggest
@@ -35,7 +37,8 @@ class Grip:
         formula of the coordinates in `places`
     longest : the longest half of a swing that is searched
 
-    Nobody checks that the mirror image of a release is the same release with the grips' names exchanged.
+    A clearance that does not vanish at a release and at its mirror image is refused; nobody checks the step, and that
+    the mirror image is the same release with the grips' names exchanged.
     """
 
     places: Mapping[str, Scalar]
@@ -57,6 +60,20 @@ class Grip:
         places = {name: value_of(place, u, p) for name, place in self.places.items()}
         own = [(places.get(name, u.get(name, 0.0)), u.get(f"{name}'", 0.0)) for name in coordinates]
         return [part for pair in own for part in pair]
+
+
+def _refuse_apart(grip: Grip, reversor: Mapping[str, Scalar], known: Sequence[str]) -> None:
+    """Raise `InputError` for a clearance that does not vanish where both grips hold, at random numbers."""
+    if not names_in(grip.clearance) & {*grip.places}:
+        raise InputError(f"grip: clearance '{grip.clearance}' has none of the coordinates {', '.join(grip.places)}")
+    rng = np.random.default_rng(0)
+    for _ in range(3):
+        p, u = (dict(zip(names, rng.uniform(0.3, 0.6, len(names)), strict=True)) for names in (known, [*grip.release]))
+        places = {name: value_of(place, u, p) for name, place in grip.places.items()}
+        image = {name: value_of(reversor.get(name, name), places, p) for name in places}
+        each, sizes = [value_of(grip.clearance, at, p) for at in (places, image)], [*places.values(), *p.values()]
+        if np.isfinite(each).all() and np.abs(each).max() > 1e-9 * np.abs(sizes).max():
+            raise InputError(f"grip: clearance '{grip.clearance}' does not vanish at a release and at its mirror image")
 
 
 def refuse_misheld(m: Any, known: set[str]) -> None:
@@ -88,3 +105,4 @@ def refuse_misheld(m: Any, known: set[str]) -> None:
             f"{len(m.coordinates) - 1} numbers that occur in places or are rates, one less than half a swing has "
             "conditions"
         )
+    _refuse_apart(grip, m.reversor, sorted(known))

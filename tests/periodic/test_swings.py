@@ -13,10 +13,9 @@ TURNED = {"x": "-x", "y": "-y"}
 def carts(**changes):
     """Two carts between walls on linear springs, held at -a and a - 2, which let go at once."""
     stated = {
-        "places": {"x": "-a", "y": "a - 2"}, "release": {"a": (0.0, 3.0)}, "step": "2*a", "clearance": "a1*a1 - x*x",
-        "longest": 4.0,
+        "places": {"x": "-a", "y": "a - 2"}, "release": {"a": (0.0, 3.0)}, "step": "2*a",
+        "clearance": "4 - (x + y)**2", "longest": 4.0,
     }  # fmt: skip
-    stated["clearance"] = "1 - x*x"
     springs = [Spring("x", "k*r"), Spring("x - y", "r"), Spring("y", "k*r")]
     return Mechanism(
         ("x", "y"), springs, gap=None, inertia={"x": 1.0, "y": 1.0}, parameters={"k": 0.5}, reversor=TURNED,
@@ -56,9 +55,9 @@ def test_a_cart_alone_has_only_its_time():
 
 
 def test_a_swing_that_passes_what_it_takes_hold_of():
-    """Where the distance is stated as one that falls first, x*x - 1, it is least in mid-swing."""
-    swing = find(carts(clearance="x*x - 1"))
-    assert swing.clearance == pytest.approx(-1.0, rel=1e-13)
+    """Where the distance is stated as one that falls first, it is least in mid-swing."""
+    swing = find(carts(clearance="(x + y)**2 - 4"))
+    assert swing.clearance == pytest.approx(-4.0, rel=1e-13)
     assert not swing.admissible
     assert "(inadmissible)" in str(swing)
 
@@ -98,7 +97,7 @@ def test_a_swing_is_saved_and_read(tmp_path, family):
     [
         ({"places": {"x": "-1", "y": "-1"}, "release": {}, "step": "2"}, "release has no numbers"),
         ({"release": {"a": (0.0, 1.0), "b": (0.0, 1.0)}}, "release has a, b; 2 coordinates"),
-        ({"places": {"x": "-a"}}, "coordinate 'y' needs a place"),
+        ({"clearance": "1 - x*x", "places": {"x": "-a"}}, "coordinate 'y' needs a place"),
         ({"places": {"x": "-a", "z": "a"}}, "no coordinate 'z'"),
         ({"step": "2*c"}, "'2\\*c' has 'c'"),
         ({"clearance": "a - x"}, "'a - x' has 'a'"),
@@ -118,6 +117,15 @@ def test_a_grip_needs_a_machine_without_a_gap():
         )  # fmt: skip
     with pytest.raises(InputError, match="must be a Grip"):
         Mechanism(("x",), [Spring("x", "r")], gap=None, inertia={"x": 1.0}, grip="x")
+
+
+@pytest.mark.parametrize(
+    ("clearance", "telling"),
+    [("1", "has none of the coordinates x, y"), ("1 - x*x", "does not vanish"), ("x + y + 2", "at its mirror image")],
+)
+def test_a_clearance_vanishes_where_both_grips_hold(clearance, telling):
+    with pytest.raises(InputError, match=telling):
+        carts(clearance=clearance)
 
 
 def test_what_swings_do_not_take():
