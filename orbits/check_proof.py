@@ -319,8 +319,10 @@ class Machine:
             case "speed":
                 centre = parse(stated["centre"], both, self.needed)
                 return [dot([slope(centre, name) for name in self.names], self.rates) - value, ZERO]
-            case _ if name.endswith("_at_landing") and name[:-11] in {self.names[i] for i in self.along}:
-                return [self.back.places[name[:-11]] - value, ZERO]
+            case _ if (place := name.removesuffix("_at_landing")) != name and place in {
+                self.names[i] for i in self.along
+            }:
+                return [self.back.places[place] - value, ZERO]
             case "step" if self.sticks and "step" in self.tuned:
                 return [both["step"] - value, ZERO]
             case "mean_speed" if self.sticks and "step" in self.tuned:

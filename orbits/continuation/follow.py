@@ -167,6 +167,8 @@ def follow(
             "families": families, "watch": watch, "stop_inadmissible": stop_inadmissible or None, "method": method,
             "output": output, "resume": resume, "tune": tune,
         }  # fmt: skip
+        if not of_energy:
+            others |= {"family": None if family == 1 else family, "multipliers": multipliers or None}
         what = "along its energy" if of_energy else "of swings"
         if stated := [name for name, value in others.items() if value is not None]:
             raise InputError(f"a family {what} is followed without {stated[0]}=")

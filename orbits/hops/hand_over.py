@@ -6,9 +6,9 @@ the rates y' to y' - (1 - rho) g' D, and m g'^2 (1 - rho^2)/2 is lost: rho is th
 left, the same for steps forward and back. Where it is above 0 the foot that was let go opens; else both feet stay where
 both are pressed down. A landing so slow that its energy is rounding is caught by both feet, as a lossless one is.
 
-Feet that stick are both caught with all of their speed where the impulses press them, also where an impulse pulls that
-the force on the foot makes up for in a short time. Else the other foot is let go: the momentum about the one that lands
-stays. Where neither is possible, as a foot that lands would have to pull, it would slide, which ends the motion.
+Feet that stick are both caught with all of their speed where the impulses press them. An impulse may pull if the force
+on its foot makes up for it in a short time. Otherwise the other foot is let go, and the momentum about the foot that
+lands stays. Where that foot would have to pull, it would slide, which ends the motion.
 """
 
 from typing import Any, NamedTuple

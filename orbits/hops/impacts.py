@@ -286,7 +286,7 @@ class Impacts:
 
     def touched(self, x: np.ndarray, foot: np.ndarray, reach: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """The feet (m,) that touch at flight states (m, n) in which the gap vanishes, after the feet (m,) opened with
-        this `reach`; and whether (m,) the foot passes there instead, or is still behind and has not passed."""
+        this `reach`; whether (m,) the foot only passes there; and whether (m,) it is still behind."""
         slopes = self.slopes(x, foot)
         ahead, near = reach == 0, slopes < self.options.passing * reach
         return np.where(ahead, 1 - foot, foot), ~ahead & near, ahead & (slopes >= 0)

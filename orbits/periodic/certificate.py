@@ -46,8 +46,8 @@ class Certificate:
         point that lands next if that is another one; None if there is no minimum
     smallest_separation : least distance within the machine over the cycle; None where no length is stated
     smallest_contact_force : lowest interior minimum of the force in contact; None if it has none (the force is 0 at
-        both ends, and normally has one maximum in between). Of a walker that stands on one foot in flight, it is the
-        least force on a foot over the cycle, except where that lands or lifts off
+        both ends, and normally has one maximum in between). Of a machine that sticks and stands in flight, it is
+        the least force on a foot over the cycle, without the instants at which the foot lands or lifts off
     largest_contact_force : its maximum; None where the contact does not end
     landing_jerk : third derivative of the contact point's height at landing; negative on a motion
     loss_coefficient : C of the one-step map alpha + d -> alpha + d - C |d|**(4/3) of plastic landings, on the side of

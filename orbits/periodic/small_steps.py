@@ -1,7 +1,7 @@
 """Small steps of a machine that stands on two points: where families of walks begin, at the machine at rest.
 
-Beside the machine at rest, a walk obeys linear equations. With the launch E w, of the places and speeds w in contact,
-it has to satisfy
+A walk whose steps are small obeys the linear equations near rest. With the launch E w, of the places and speeds w in
+contact, it has to satisfy
 
     H A E w = 0,    P e^(A T) E w = 0,    Q e^(B D) R w = 0,
 

@@ -143,6 +143,9 @@ def test_what_swings_do_not_take():
         find(machine, start={"angle": 0.9, "half_swing": 0.01})
     with pytest.raises(InputError, match="without watch="):
         follow(machine, "arm_mass", 0.3, watch={"a": lambda orbit: 0.0})
+    for option in ({"family": 7}, {"multipliers": True}):
+        with pytest.raises(InputError, match=f"without {next(iter(option))}="):
+            follow(machine, "arm_mass", 0.3, **option)
     with pytest.raises(InputError, match="choose another stop"):
         follow(machine, "arm_mass", 0.25)
     with pytest.raises(InputError, match="no parameter 'arm'"):
