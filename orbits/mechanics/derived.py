@@ -114,7 +114,8 @@ def refuse_points(structure: Structure) -> None:
     """Raise `InputError` where a machine stands on two points whose forces do not add up to those of the ground, as its
     masses need them; compared at random places, rates and numbers."""
     contact, rng = derived_model(structure).contact, np.random.default_rng(0)
-    if LANDED_HOLDING not in contact.watch or NORMAL_FORCE not in contact.watch or contact.pieces:
+    driven = any(isinstance(element, Force) for element in structure.elements)  # which may act on one limb alone
+    if driven or LANDED_HOLDING not in contact.watch or NORMAL_FORCE not in contact.watch or contact.pieces:
         return
     sums = {NORMAL_FORCE: (CONTACT_FORCE, LANDED_FORCE), TANGENTIAL_FORCE: (HOLDING_FORCE, LANDED_HOLDING)}
     for _ in range(AT_RANDOM.states):
