@@ -105,7 +105,7 @@ class Mechanism(Stated):
     segments : the angles of limbs by name, sums of coordinates, whose rates in mid-flight orbits report
     grazes : whether the point that swings through passes the ground in mid-flight too, where the reversor turns the
         gap's coordinate over: it touches tangentially and without a force
-    grip : the `Grip` of a machine that swings from hold to hold, with gap=None; `find` returns its `Swing`s. None for
+    grip : the `Grip` of a machine that swings from hold to hold, with gap=None; `find` returns its swings. None for
         other machines
     words : for messages, by key: the name of the force at "liftoff"; the texts of a violated "gap", "pull",
         "separation" and "end"; for a machine that steps also of a violated "landing gap" in flight, "standing gap" in

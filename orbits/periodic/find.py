@@ -165,7 +165,7 @@ def find_all(
     samples are refined where it matters. The search stops after 20,000 launches, or after 1,000 for a machine that
     steps, whose orbits may lie in narrow ranges of launch speeds between falls. If the search may have missed orbits,
     their `known_in_family` is None. If it was stopped, or an orbit could not be certified, a warning is logged too.
-    Starts that lead to no orbit are left out. Of a machine with a `Grip` all `Swing`s are returned whose unknowns are
+    Starts that lead to no orbit are left out. Of a machine with a `Grip` all swings are returned whose unknowns are
     in the ranges that the grip states, admissible ones first and then by falling mean speed. Raises `NoOrbit` if there
     is none, with the searched range or the last reason, and `InputError` for invalid arguments and for a model without
     such a search.

@@ -49,7 +49,7 @@ def brachiator(
     surface_gravity : 1, or in SI 9.80665 m/s^2, where it is None
     in_si : whether all numbers are in SI; otherwise they are in any consistent units
 
-    `find` returns the fastest of its `Swing`s, and `find_all` all of them. Raises `InputError` for numbers that no
+    `find` returns the fastest `Swing` of it, and `find_all` all of them. Raises `InputError` for numbers that no
     brachiator has, and for missing numbers in SI.
 
     >>> from orbits import find_all
