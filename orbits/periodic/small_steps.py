@@ -35,8 +35,8 @@ class SmallStepOptions(NamedTuple):
     rounding: float = 1e-13  # of the unknowns
     residual: float = 1e-10  # of conditions that hold
     near: float = 0.1  # change of a tuned number to a walk that is near, as a share
-    certain: float = 0.03  # to one that needs no comparison with others
-    attempts: int = 10  # that may fail on the way from small steps to a walk
+    certain: float = 0.05  # to one that needs no comparison with others
+    attempts: int = 20  # that may fail on the way from small steps to a walk
     seconds: float = 8.0  # of processor time for it
     steady: float = 1e-9  # share of the largest rate below which one is 0
     factors: tuple[float, ...] = (1.0, 0.5, 2.0, 0.1)  # of the first tuned number, where small steps are searched
