@@ -183,11 +183,8 @@ class Mechanism(Stated):
         if self.sticks:
             turned, onward = maps_of_sticking(self.stepping)
             back = None if self.reversor is None else {**self.reversor, **turned}
-            own = {
-                **self.parameters,
-                **dict.fromkeys([STEP_LENGTH] if turned else [], self.parameters.get(STEP_LENGTH, 0.0)),
-            }
-            self._store(reversor=back, symmetry={**self.symmetry, **onward}, parameters=own)
+            step = {STEP_LENGTH: 0.0} if turned else {}
+            self._store(reversor=back, symmetry={**self.symmetry, **onward}, parameters={**step, **self.parameters})
         numbers = {name: number(name, value) for name, value in self.parameters.items()}
         laws, elements = [self._law(self.gravity, "z", numbers)], list[Element]()
         for element in self.elements:

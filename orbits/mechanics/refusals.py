@@ -51,7 +51,7 @@ def refuse_misstated(mechanism: Any) -> None:
     refuse_expressions("the mechanism", m.expressions)
     if unknown := sorted(names_in(m.gap) - {*m.coordinates, *m.parameters}):
         hint = suggest(unknown[0], m.coordinates)
-        raise InputError(f"gap '{m.gap}' is not a sum of coordinates: it has '{unknown[0]}'{hint}")
+        raise InputError(f"gap '{m.gap}' has '{unknown[0]}', which is neither a coordinate nor a parameter{hint}")
     _refuse_rows(m.inertia, len(m.coordinates))
     _refuse_keys(m)
     _refuse_coordinates_in(m)

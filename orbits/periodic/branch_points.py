@@ -70,7 +70,8 @@ class BranchPoint:
         branch, grow like its square. Raises `InputError` for the speed 0, at which every design hops or rests."""
         speed, own = finite_number("speed", speed), dict(self.times) if self.hop is None else unknowns_of_hop(self.hop)
         if speed == 0:
-            raise InputError("speed = 0: at speed 0 every design hops, so no run is found; start at 0.01 or -0.01")
+            same = "at speed 0 every design hops, so no run" if self.hop else "at 0 every design is at rest, so no walk"
+            raise InputError(f"speed = 0: {same} is found; start at 0.01 or -0.01")
         lateral = {name: speed * value for name, value in self.direction.items()}
         return {**own, **lateral, **({} if self.hop is None else {STEP_LENGTH: speed * self.step})}
 

@@ -72,7 +72,10 @@ def test_names_that_coordinates_cannot_have(name, telling):
         ({"elements": ["spring"]}, "'spring' is not an element; elements are Mass, Weight, Inerter, Spring, Damper"),
         ({"elements": [Mass("body", None)]}, "None in Mass.* must be a formula, a number or a function"),
         ({"elements": [Force("body", "k*r")]}, "'k\\*r' in Force.* is not a Python function"),
-        ({"gap": "foott"}, "gap 'foott' is not a sum of coordinates: it has 'foott'; did you mean 'foot'"),
+        (
+            {"gap": "foott"},
+            "gap 'foott' has 'foott', which is neither a coordinate nor a parameter; did you mean 'foot'",
+        ),
         ({"gap": [1.0]}, r"\[1.0\] in the mechanism"),
         ({"gravity": springs.formula("1 + r")}, "'1 \\+ r' is a law of r, but a law of z is needed here"),
         ({"inertia": [["a"]]}, "2 coordinates need 2 rows of 2 entries"),

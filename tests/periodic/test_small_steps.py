@@ -69,6 +69,8 @@ def test_walks_branch_off_rest_at_known_designs():
     walk = find(point.machine, start=point.start(0.02), tune=("torso_inertia", "hip_stiffness"), at={"angle": 0.1})
     assert walk.admissible
     assert walk.step == pytest.approx(2 * np.sin(0.1), abs=1e-12)
+    with pytest.raises(InputError, match="at 0 every design is at rest, so no walk"):
+        point.start(0)
     with pytest.raises(InputError, match="a walk begins at this point"):
         follow_branch_points(point, "leg_mass", [0.11])
     with pytest.raises(NoOrbit, match="no walk of a walker that begins with torso_inertia from"):
